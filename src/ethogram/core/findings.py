@@ -1,0 +1,66 @@
+"""What a study finds, as plain data: tables, figures and claims with their verdicts.
+
+Studies make them, the report shows them, the command line prints them; none of them computes.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Verdict = Literal["confirmed", "refuted", "undecided", "not run"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A measured number with its interval, beside the published one where there is one."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    published: float | None = None
+
+
+Cell = str | int | float | Measured | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of the thesis, measured beside published."""
+
+    name: str  # "table-3-2", unique in the study: file name and anchor
+    title: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A drawn figure and the numbers behind it."""
+
+    name: str  # "figure-3-2", unique in the study: file name and anchor
+    title: str
+    caption: str
+    alt: str  # what a reader who cannot see it should know
+    svg: str  # one <svg> element; text and axes in currentColor
+    data: Table  # long form, one row per drawn number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A claim stated before the run, and what the run says of it.
+
+    The unit of evidence is the independent trial.  `low` and `high` bound the effect at the
+    level that Holm's correction over the study's claims leaves to this claim.
+    """
+
+    number: int
+    statement: str
+    source: str  # where the thesis says so
+    test: str  # what is compared, the margin and its unit
+    effect: float | None
+    low: float | None
+    high: float | None
+    unit: str
+    p_value: float | None  # corrected
+    verdict: Verdict
+    note: str = ""  # the part that decided, or what is missing
