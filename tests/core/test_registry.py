@@ -1,0 +1,87 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from ethogram.core.errors import EthogramError, UnknownName
+from ethogram.core.registry import Registry
+
+GROUP = "ethogram.tests.shapes"
+
+
+def shapes() -> Registry[object]:
+    return Registry("shape", GROUP, {"fraction": "fractions:Fraction", "turtle": "colorsys"})
+
+
+def install(folder: Path, package: str, **entries: str) -> None:
+    """Lay out the metadata that an installed package of these entry points has."""
+    info = folder / f"{package}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    lines = [f"{name} = {value}" for name, value in entries.items()]
+    (info / "entry_points.txt").write_text("\n".join([f"[{GROUP}]", *lines, ""]))
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in which packages can be installed for the length of a test."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+def test_a_module_or_an_attribute_of_one_is_loaded_by_name():
+    from fractions import Fraction
+
+    assert shapes().get("fraction") is Fraction
+    assert shapes().get("turtle") is sys.modules["colorsys"]
+
+
+def test_listing_the_names_imports_nothing(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
+    assert shapes().names() == ["fraction", "turtle"]
+    assert "colorsys" not in sys.modules
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_one():
+    with pytest.raises(UnknownName, match=r"Unknown shape 'turtel'. Did you mean 'turtle'\?"):
+        shapes().get("turtel")
+
+
+def test_a_failure_of_a_builtin_keeps_its_own_traceback():
+    broken: Registry[object] = Registry("shape", GROUP, {"gone": "ethogram.no_such_module"})
+    with pytest.raises(ModuleNotFoundError):
+        broken.get("gone")
+
+
+def test_another_package_adds_a_name_through_an_entry_point(site: Path):
+    install(site, "grazing", meadow="decimal:Decimal")
+    from decimal import Decimal
+
+    assert shapes().names() == ["fraction", "meadow", "turtle"]
+    assert shapes().get("meadow") is Decimal
+
+
+def test_a_plugin_that_cannot_be_imported_is_named_with_its_package_and_cause(site: Path):
+    install(site, "grazing", meadow="grazing_is_not_here:Meadow")
+    with pytest.raises(EthogramError) as caught:
+        shapes().get("meadow")
+    for part in ("'meadow'", "'grazing'", "grazing_is_not_here:Meadow", "No module named"):
+        assert part in str(caught.value)
+
+
+def test_a_broken_plugin_leaves_the_other_names_usable(site: Path):
+    install(site, "grazing", meadow="grazing_is_not_here:Meadow")
+    assert shapes().get("turtle") is sys.modules["colorsys"]
+
+
+def test_a_plugin_may_not_take_the_name_of_a_builtin(site: Path):
+    install(site, "impostor", turtle="decimal:Decimal")
+    with pytest.raises(EthogramError, match=r"'ethogram'.*'colorsys'.*'impostor'.*'decimal"):
+        shapes().get("turtle")
+
+
+def test_two_plugins_may_not_share_a_name(site: Path):
+    install(site, "grazing", meadow="decimal:Decimal")
+    install(site, "mowing", meadow="fractions:Fraction")
+    with pytest.raises(EthogramError, match="Two packages register the shape 'meadow'"):
+        shapes().names()
