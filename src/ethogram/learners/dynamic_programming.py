@@ -1,0 +1,261 @@
+"""The optimum of a known, finite world, and Monte Carlo's way to it without the model.
+
+Thesis, section 1.1; the algorithms are those of Sutton & Barto (2018), sections 4.4 and 5.4.
+
+Value iteration sweeps over all states (eq. 1.7)
+
+    V(s) <- max_a sum_s' p(s' | s, a) [r(s, a, s') + gamma V(s')]
+
+until V stops changing; the optimal policy takes the action with the largest bracket (eq. 1.8),
+whose expectation is Q*(s, a) (eq. 1.9).  Monte Carlo control knows no p: it plays whole episodes
+with an epsilon-greedy policy and averages the returns that followed each pair of state and
+action (eq. 1.10), acting by the averages so far (eq. 1.11).  It is on-policy, so with epsilon
+fixed it tends to the best of the epsilon-soft policies, not of all; `value_iteration` finds that
+optimum too, which is how the two are tested against each other.
+
+Deviations from the print: the value of the next state is discounted by gamma wherever it occurs;
+eq. 1.8 prints it without.  The averages are of every visit (the thesis leaves open which), and
+over all episodes from the first, in which the policy was worse.
+"""
+
+from typing import Annotated
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jaxtyping import Bool, Float, Int, Key
+from pydantic import Field
+
+from ethogram.core.errors import EthogramError, InvalidSettings
+from ethogram.core.rollout import Policy, rollout
+from ethogram.core.settings import Number, setting
+from ethogram.core.spaces import Discrete
+from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.learners.qlearning import HALF, choose
+from ethogram.learners.schedules import Constant, Schedule
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class Place(eqx.Module):
+    """Where the agent of a decision process stands."""
+
+    state: Int[Array, ""]
+    time: Int[Array, ""]  # steps taken in this episode
+
+
+class DecisionProcess(World):
+    """A finite Markov decision process, given as tables: a world for one agent that sees all.
+
+    Terminal states keep their rows in the tables, which nothing reads.
+    """
+
+    transition: Float[Array, "s a s_next"]  # p(s' | s, a); each row adds up to 1
+    reward: Float[Array, "s a s_next"]  # expected reward of that transition
+    terminal: Bool[Array, "s"]  # an episode ends on reaching one
+    start: Float[Array, "s"]  # chance of starting in a state
+    steps: int = setting(100, Annotated[int, Field(ge=1)], static=True)  # the time limit
+
+    def __check_init__(self) -> None:
+        """Refuse tables that hold no probabilities; tables inside a `jit` pass as they are.
+
+        Raises:
+            InvalidSettings: negative chances, or chances that do not add up to 1.
+
+        """
+        for name in ("transition", "start"):
+            chances = getattr(self, name)
+            if isinstance(chances, jax.core.Tracer):
+                continue
+            adds_up = jnp.abs(chances.sum(-1) - 1.0) < 1e-5
+            if not (adds_up.all() and (chances >= 0).all()):
+                raise InvalidSettings(
+                    f"DecisionProcess: {name} needs chances that are not negative and add up "
+                    f"to 1 along its last axis; they add up to {chances.sum(-1)}."
+                )
+
+    @property
+    def horizon(self) -> int:
+        """An episode that reaches no terminal state is cut after `steps` steps."""
+        return self.steps
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """One agent; it observes the number of the state."""
+        states, actions, _ = self.transition.shape
+        return {"agent": Role(1, Discrete(states), Discrete(actions))}
+
+    def reset(self, key: Key[Array, ""]) -> tuple[Place, PerRole]:
+        """Draw a state from `start`."""
+        state = jax.random.categorical(key, jnp.log(self.start))
+        return Place(state, jnp.int32(0)), {"agent": state[None]}
+
+    def step(self, key: Key[Array, ""], state: Place, action: PerRole) -> tuple[Place, Outcome]:
+        """Draw the next state and earn the reward of the transition."""
+        (chosen,) = action["agent"]
+        reached = jax.random.categorical(key, jnp.log(self.transition[state.state, chosen]))
+        after = Place(reached, state.time + 1)
+        ends = self.terminal[reached]
+        return after, Outcome(
+            observation={"agent": reached[None]},
+            reward={"agent": self.reward[state.state, chosen, reached][None]},
+            terminated={"agent": ends[None]},
+            truncated={"agent": (~ends & (after.time >= self.steps))[None]},
+        )
+
+
+class Optimum(eqx.Module):
+    """What value iteration found, and how far its last sweep still moved."""
+
+    value: Float[Array, "s"]  # V*(s), reward discounted from s on; 0 in terminal states
+    action_value: Float[Array, "s a"]  # Q*(s, a)
+    policy: Int[Array, "s"]  # the best action, the first of equals
+    sweeps: Int[Array, ""]
+    residual: Float[Array, ""]  # largest change in the last sweep; NaN where the values diverge
+
+
+def value_iteration(
+    process: DecisionProcess,
+    discount: Number,
+    *,
+    epsilon: Number = 0.0,
+    tolerance: float = 1e-6,
+    sweeps: int = 10_000,
+) -> Optimum:
+    """Solve a known process (eqs. 1.7 to 1.9).
+
+    Args:
+        process: the model; its time limit is not part of the problem.
+        discount: gamma, from 0 to 1; 1 only where every policy terminates.
+        epsilon: 0 for the optimum; else the optimum among the policies that explore with this
+            probability, as Monte Carlo control does.
+        tolerance: sweeps end once no value changes by more than this share of the largest one.
+        sweeps: or after this many; `residual` then shows what is missing.
+
+    """
+
+    def sweep(at: Optimum) -> Optimum:
+        action_value = expected_returns(process, at.value, discount)
+        value = (1 - epsilon) * action_value.max(-1) + epsilon * action_value.mean(-1)
+        residual = jnp.abs(value - at.value).max()
+        return Optimum(value, action_value, action_value.argmax(-1), at.sweeps + 1, residual)
+
+    def unsettled(at: Optimum) -> Bool[Array, ""]:
+        scale = jnp.maximum(1.0, jnp.abs(at.value).max())
+        return (at.residual > tolerance * scale) & (at.sweeps < sweeps)
+
+    states, actions, _ = process.transition.shape
+    guess = Optimum(
+        value=jnp.zeros(states),
+        action_value=jnp.zeros((states, actions)),
+        policy=jnp.zeros(states, jnp.int32),
+        sweeps=jnp.int32(0),
+        residual=jnp.float32(jnp.inf),
+    )
+    return lax.while_loop(unsettled, sweep, guess)
+
+
+def expected_returns(
+    process: DecisionProcess, value: Float[Array, "s"], discount: Number
+) -> Float[Array, "s a"]:
+    """Reward now plus the discounted value of what follows: the sum in eqs. 1.7 to 1.9.
+
+    Nothing follows a terminal state, so all of its entries are 0, as its `value` should be.
+    """
+    expected = (process.transition * (process.reward + discount * value)).sum(-1)
+    return jnp.where(process.terminal[:, None], 0.0, expected)
+
+
+class Averages(eqx.Module):
+    """Mean return after each observation and action, and of how many visits it is the mean."""
+
+    value: PerRole  # Float[agents, rows, actions] per role
+    visits: PerRole  # Float[agents, rows, actions] per role
+    episode: Int[Array, ""]
+
+
+class MonteCarloControl(eqx.Module):
+    """On-policy, every-visit Monte Carlo control, in a world given by the caller.
+
+    Every agent of every role learns alone.  An episode that is cut by a time limit counts as
+    complete, so let it be long against 1 / (1 - discount).
+    """
+
+    world: World
+    epsilon: Schedule = Constant(0.1)
+    discount: Number = setting(0.9, Fraction)
+
+    def init(self) -> Averages:
+        """No visit yet, values of zero.
+
+        Raises:
+            EthogramError: a role's observations or actions are not `Discrete`.
+
+        """
+        return Averages(blank_tables(self.world), blank_tables(self.world), jnp.int32(0))
+
+    def update(
+        self, key: Key[Array, ""], averages: Averages
+    ) -> tuple[Averages, dict[str, PerRole]]:
+        """Play one episode and average its returns into the table (eq. 1.10).
+
+        Returns:
+            The state after, and metrics: `return`, Float[agents] per role, not discounted.
+
+        """
+        act = self.policy(averages, self.epsilon(averages.episode))
+        _, taken = rollout(self.world, act, key, self.world.horizon)
+        value, visits, return_ = {}, {}, {}
+        for role in averages.value:
+            outcome = taken.outcome
+            ended = outcome.terminated[role] | outcome.truncated[role]
+            active = jnp.cumsum(ended, axis=0) - ended == 0  # steps of the first episode only
+            reward = jnp.where(active, outcome.reward[role], 0.0)
+            agents = jnp.arange(reward.shape[1])
+            cell = (agents, taken.observation[role], taken.action[role])
+            visits[role] = averages.visits[role].at[cell].add(active)
+            error = discounted_returns(reward, self.discount) - averages.value[role][cell]
+            share = jnp.where(active, error, 0.0) / jnp.maximum(visits[role][cell], 1.0)
+            value[role] = averages.value[role].at[cell].add(share)
+            return_[role] = reward.sum(0)
+        return Averages(value, visits, averages.episode + 1), {"return": return_}
+
+    def policy(self, averages: Averages, epsilon: Number = 0.0) -> Policy:
+        """Greedy with random ties (eq. 1.11), exploring with probability epsilon."""
+        explore = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
+
+        def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+            action = {}
+            for number, (role, seen) in enumerate(observation.items()):
+                bits = jax.random.bits(jax.random.fold_in(key, number), seen.shape)
+                values = averages.value[role][jnp.arange(len(seen)), seen]
+                action[role] = choose(values.T, bits, explore)
+            return action
+
+        return act
+
+
+def discounted_returns(
+    reward: Float[Array, "step agent"], discount: Number
+) -> Float[Array, "step agent"]:
+    """G_t = R_{t+1} + gamma G_{t+1}, from the episode's last step backwards."""
+
+    def extend(later: Float[Array, "agent"], now: Float[Array, "agent"]) -> tuple[Array, Array]:
+        return_ = now + discount * later
+        return return_, return_
+
+    return lax.scan(extend, jnp.zeros_like(reward[0]), reward, reverse=True)[1]
+
+
+def blank_tables(world: World) -> PerRole:
+    """Zeros for every agent, observation and action of a world whose spaces are `Discrete`."""
+    tables = {}
+    for role, played in world.roles.items():
+        if not (isinstance(played.observation, Discrete) and isinstance(played.action, Discrete)):
+            raise EthogramError(
+                f"Monte Carlo control needs discrete spaces: {role!r} of {type(world).__name__} "
+                f"observes {played.observation} and acts in {played.action}."
+            )
+        tables[role] = jnp.zeros((played.agents, played.observation.n, played.action.n))
+    return tables
