@@ -1,0 +1,9 @@
+"""The learners, by name; other packages add theirs under the entry point `ethogram.learners`."""
+
+from ethogram.core.registry import Registry
+
+LEARNERS = Registry(
+    "learner",
+    "ethogram.learners",
+    {"qlearning": "ethogram.learners.qlearning:QLearning"},
+)

@@ -1,0 +1,84 @@
+"""Run a policy through a world, episode after episode.
+
+A world never resets itself; `rollout` does, once every agent's episode has ended, and keeps the
+observation that the ended episode reached.  For a batch, `vmap` over keys.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jaxtyping import Bool, Key
+
+from ethogram.core.world import Outcome, PerRole, World
+
+Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
+
+
+class Transition(eqx.Module):
+    """A step of a rollout; in a trajectory every array has the steps as its leading axis.
+
+    `outcome.observation` is that of the state reached; where an episode ended there, it is its
+    final observation, while the next transition's `observation` is that of the new episode.
+    """
+
+    observation: PerRole
+    action: PerRole
+    outcome: Outcome
+    state: Any  # the state reached
+    last: Bool[Array, ""]  # whether the episode ended with this step
+
+
+class Position(eqx.Module):
+    """Where a rollout stands: enough to go on with it."""
+
+    state: Any
+    observation: PerRole
+
+
+def rollout(
+    world: World,
+    policy: Policy,
+    key: Key[Array, ""],
+    steps: int,
+    start: Position | None = None,
+) -> tuple[Position, Transition]:
+    """Take `steps` steps, from a fresh episode or from where an earlier rollout stopped.
+
+    Args:
+        world: any world.
+        policy: `policy(key, observation) -> action`, per role.
+        key: consumed; draws the resets, the policy's choices and the world's chance.
+        steps: how many steps, over as many episodes as they hold.
+        start: the position returned by an earlier call; None resets the world.
+
+    Returns:
+        The position reached, and the transitions with a leading axis of `steps`.
+
+    """
+    first, key = jax.random.split(key)
+    if start is None:
+        start = Position(*world.reset(first))
+
+    def advance(at: Position, key: Key[Array, ""]) -> tuple[Position, Transition]:
+        for_policy, for_world, for_reset = jax.random.split(key, 3)
+        action = policy(for_policy, at.observation)
+        state, outcome = world.step(for_world, at.state, action)
+        last = episode_ended(outcome)
+        fresh = Position(*world.reset(for_reset))
+        reached = Position(state, outcome.observation)
+        after = jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
+        return after, Transition(at.observation, action, outcome, state, last)
+
+    return lax.scan(advance, start, jax.random.split(key, steps))
+
+
+def episode_ended(outcome: Outcome) -> Bool[Array, ""]:
+    """Whether the episode of every agent of every role has ended."""
+    ended = [
+        (outcome.terminated[role] | outcome.truncated[role]).all() for role in outcome.terminated
+    ]
+    return jnp.stack(ended).all()

@@ -1,0 +1,75 @@
+"""Settings declared once, as fields of the world or learner they belong to.
+
+    class Pasture(World):
+        growth: Number = setting(0.3, Annotated[float, Field(ge=0)])
+        herders: int = setting(3, Annotated[int, Field(ge=1)], static=True)
+
+`settings_of(Pasture)` is a pydantic dataclass with the same names, defaults and bounds, for plans
+and files; building a `Pasture` in Python checks the same bounds.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import equinox as eqx
+import pydantic
+from jax import Array
+
+from ethogram.core.errors import InvalidSettings
+
+Number = float | Array  # a setting that may be swept: a number, or an array of them under vmap
+
+_STRICT = pydantic.ConfigDict(extra="forbid", strict=True)
+settings_class = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+
+
+def setting(
+    default: Any,
+    allowed: Any,
+    *,
+    static: bool = False,
+    converter: Callable[[Any], Any] | None = None,
+) -> Any:
+    """Declare a field that users set.
+
+    Args:
+        default: the value when nothing is said.
+        allowed: the type, with bounds, as pydantic reads it.
+        static: a size or a name, part of the compiled program; else a number that may be swept.
+        converter: turns a checked value into the array that the program computes with.
+
+    """
+    keywords = {} if converter is None else {"converter": converter}
+    return eqx.field(default=default, static=static, metadata={"setting": allowed}, **keywords)
+
+
+@cache
+def settings_of(owner: type, *, omit: tuple[str, ...] = ()) -> Any:
+    """Make the pydantic dataclass of a world's or a learner's settings, without those omitted."""
+    fields = [
+        (field.name, field.metadata["setting"], dataclasses.field(default=field.default))
+        for field in dataclasses.fields(owner)
+        if "setting" in field.metadata and field.name not in omit
+    ]
+    made = dataclasses.make_dataclass(
+        f"{owner.__name__}Settings", fields, kw_only=True, frozen=True
+    )
+    made.__doc__ = f"Settings of `{owner.__module__}.{owner.__name__}`."
+    return settings_class(made)
+
+
+def check_settings(owner: Any) -> None:
+    """Raise `InvalidSettings` naming every plain value out of bounds; arrays pass as they are."""
+    complaints = []
+    for field in dataclasses.fields(owner):
+        value = getattr(owner, field.name)
+        if "setting" in field.metadata and isinstance(value, bool | int | float | str):
+            try:
+                pydantic.TypeAdapter(field.metadata["setting"]).validate_python(value, strict=True)
+            except pydantic.ValidationError as error:
+                reason = error.errors()[0]["msg"]
+                complaints.append(f"{field.name} = {value!r}: {reason}")
+    if complaints:
+        raise InvalidSettings(f"{type(owner).__name__}: " + "; ".join(complaints))

@@ -1,0 +1,73 @@
+"""The interface of every world: one world, one step; `vmap` outside, `jit` at the edge.
+
+Agents are an array axis and roles are the keys: a world with movers and talkers takes
+`{"mover": action[n, ...], "talker": action[m, ...]}` and answers in the same shape.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+from jax import Array
+from jaxtyping import Key, PyTree
+
+from ethogram.core.settings import check_settings
+from ethogram.core.spaces import Space
+
+PerRole = dict[str, Array]  # an array per role; the leading axis counts the role's agents
+State = PyTree[Array]  # a world's own state: arrays only
+
+
+@dataclass(frozen=True)
+class Role:
+    """How many agents play a role, and what each observes and does."""
+
+    agents: int
+    observation: Space
+    action: Space
+
+
+class Outcome(eqx.Module):
+    """What a step brings each agent.
+
+    `observation` is that of the state reached, also when the episode ends there: a world never
+    resets itself.  An agent whose episode ends because of what happened is `terminated` (nothing
+    follows, its future is worth 0); one that merely ran out of time is `truncated` (its future
+    is still worth something).
+    """
+
+    observation: PerRole
+    reward: PerRole  # Float[n] per role
+    terminated: PerRole  # Bool[n] per role
+    truncated: PerRole  # Bool[n] per role
+    metrics: dict[str, Array] = eqx.field(default_factory=dict)
+
+
+class World(eqx.Module):
+    """A world: settings as fields, dynamics as pure functions of explicit state and key.
+
+    Numeric settings may be arrays, so that a sweep is a `vmap`; sizes are static.
+    """
+
+    def __check_init__(self) -> None:
+        """Refuse settings out of range, naming each (see `ethogram.core.settings`)."""
+        check_settings(self)
+
+    @property
+    @abstractmethod
+    def roles(self) -> dict[str, Role]:
+        """Per role: the number of agents and their observation and action spaces."""
+
+    @property
+    @abstractmethod
+    def horizon(self) -> int:
+        """The most steps that an episode can last."""
+
+    @abstractmethod
+    def reset(self, key: Key[Array, ""]) -> tuple[Any, PerRole]:
+        """Draw an initial state and what each agent observes in it."""
+
+    @abstractmethod
+    def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
+        """Apply one action per agent."""

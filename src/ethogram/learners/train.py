@@ -1,0 +1,89 @@
+"""The one training loop: chunks of updates under `jit`, and a callback between them.
+
+A learner has `update(key, learned) -> (learned, metrics)`.  Update number i gets the key
+`fold_in(key, i)`, so that a run that is stopped between chunks and taken up again goes on with
+the numbers it would have had.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Protocol
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Int, Key, PyTree
+
+from ethogram.core.errors import EthogramError
+from ethogram.core.keys import fold_in
+
+Metrics = PyTree[np.ndarray]  # every array has the chunk's updates as its leading axis
+AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, learned, metrics)
+
+
+class Diverged(EthogramError):
+    """A learner's metrics are not finite; the message names which, and the update."""
+
+
+class Learner(Protocol):
+    """What `train` needs of a learner."""
+
+    def update(self, key: Key[Array, "..."], learned: Any) -> tuple[Any, Any]:
+        """Learn once."""
+
+
+def train(
+    learner: Learner,
+    key: Key[Array, "..."],
+    learned: Any,
+    updates: int,
+    *,
+    chunk: int,
+    after_chunk: AfterChunk,
+    start: int = 0,
+) -> Any:
+    """Update `learned` until `updates` updates are done.
+
+    Args:
+        learner: any learner.
+        key: one key, or one per trial if the learner's `update` takes that.
+        learned: the learner's state after `start` updates; it is donated, do not use it again.
+        updates: the number of the last update.
+        chunk: updates between two callbacks; part of what fixes the numbers bit for bit.
+        after_chunk: called with the number of updates done, the state (to be read at once: it
+            is donated to the next chunk) and the chunk's metrics.
+        start: how many updates `learned` has behind it, a multiple of `chunk`.
+
+    Raises:
+        Diverged: some metric is not finite; the state before the chunk was the last sound one.
+
+    """
+    for first in range(start, updates, chunk):
+        length = min(chunk, updates - first)
+        learned, metrics = _run_chunk((learner, key, jnp.int32(first), length), learned)
+        metrics = jax.tree.map(np.asarray, metrics)
+        _require_finite(metrics, first)
+        after_chunk(first + length, learned, metrics)
+    return learned
+
+
+@partial(eqx.filter_jit, donate="all-except-first")
+def _run_chunk(
+    fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], int], learned: Any
+) -> tuple[Any, Any]:
+    learner, key, first, length = fixed
+
+    def update(learned: Any, number: Int[Array, ""]) -> tuple[Any, Any]:
+        return learner.update(fold_in(key, number), learned)
+
+    return lax.scan(update, learned, first + jnp.arange(length))
+
+
+def _require_finite(metrics: Metrics, first: int) -> None:
+    for path, values in jax.tree_util.tree_leaves_with_path(metrics):
+        broken = ~np.isfinite(values).reshape(len(values), -1).all(1)
+        if broken.any():
+            name = jax.tree_util.keystr(path, simple=True, separator=".")
+            raise Diverged(f"{name} is not finite at update {first + int(broken.argmax())}.")
