@@ -11,7 +11,7 @@ and files; building a `Pasture` in Python checks the same bounds.
 import dataclasses
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar, cast, dataclass_transform
 
 import equinox as eqx
 import pydantic
@@ -19,10 +19,17 @@ from jax import Array
 
 from ethogram.core.errors import InvalidSettings
 
+T = TypeVar("T")
 Number = float | Array  # a setting that may be swept: a number, or an array of them under vmap
 
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True)
-settings_class = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(pydantic.Field,))
+def settings_class(cls: type[T]) -> type[T]:
+    """Turn a class of annotated fields into frozen settings that refuse unknown names."""
+    make: Any = pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=_STRICT)
+    return cast(type[T], make(cls))
 
 
 def setting(

@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
+
 
 @dataclass(frozen=True)
 class Discrete:

@@ -2,7 +2,7 @@
 
 from ethogram.core.registry import Registry
 
-LEARNERS = Registry(
+LEARNERS: Registry[type] = Registry(
     "learner",
     "ethogram.learners",
     {"qlearning": "ethogram.learners.qlearning:QLearning"},

@@ -31,7 +31,7 @@ from ethogram.core.keys import counter_bits, fold_in
 from ethogram.core.memory import readable_bytes, require_memory
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
-from ethogram.core.spaces import Discrete
+from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
 from ethogram.core.world import PerRole, World
 from ethogram.learners.schedules import ExponentialDecay, Schedule
 
@@ -82,7 +82,7 @@ class QLearning(eqx.Module):
         for role in self.world.roles:
             agents, rows, actions = self._sizes(role)
             cells = self.trials * agents * rows
-            if cells > jnp.iinfo(jnp.int32).max:
+            if cells > LARGEST_INDEX:
                 raise TooLarge(
                     f"Q-learning with {self._size()} ({readable_bytes(self.table_bytes)}) has "
                     f"more rows than 32 bits can number; run fewer trials in one case."
@@ -130,7 +130,7 @@ class QLearning(eqx.Module):
     def policy(
         self, learned: Learned, trial: Int[Array, ""] | int = 0, epsilon: Number = 0.0
     ) -> Policy:
-        """Act by one trial's tables: greedy with random ties, exploring with probability epsilon."""
+        """Act by one trial's tables: greedy, ties at random, exploring with chance epsilon."""
         explore = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
@@ -207,13 +207,19 @@ class QLearning(eqx.Module):
     def _sizes(self, role: str) -> tuple[int, int, int]:
         """Agents, rows and actions of a role's tables."""
         played = self.world.roles[role]
-        for what, space in (("observes", played.observation), ("acts in", played.action)):
-            if not isinstance(space, Discrete):
-                raise EthogramError(
-                    f"Q-learning needs discrete spaces: {role!r} of "
-                    f"{type(self.world).__name__} {what} {space}."
-                )
-        return played.agents, played.observation.n, played.action.n
+        return (
+            played.agents,
+            self._count(role, played.observation),
+            self._count(role, played.action),
+        )
+
+    def _count(self, role: str, space: Space) -> int:
+        if not isinstance(space, Discrete):
+            raise EthogramError(
+                f"Q-learning needs discrete spaces; {role!r} of {type(self.world).__name__} has "
+                f"{space}."
+            )
+        return space.n
 
     def _size(self) -> str:
         sizes = {role: self._sizes(role) for role in self.world.roles}
@@ -254,6 +260,4 @@ def _write(
     values: Float[Array, "actions agent"],
 ) -> Float[Array, "cells actions"]:
     """The table with these rows replaced, in place where the table is donated."""
-    return table.at[cell.reshape(-1)].set(
-        values.T, mode="promise_in_bounds", unique_indices=True
-    )
+    return table.at[cell.reshape(-1)].set(values.T, mode="promise_in_bounds", unique_indices=True)

@@ -6,20 +6,19 @@ the numbers it would have had.
 """
 
 from collections.abc import Callable
-from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jaxtyping import Int, Key, PyTree
+from jaxtyping import Int, Key
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.keys import fold_in
 
-Metrics = PyTree[np.ndarray]  # every array has the chunk's updates as its leading axis
+Metrics: TypeAlias = Any  # a tree; every array has the chunk's updates as its leading axis
 AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, learned, metrics)
 
 
@@ -69,16 +68,19 @@ def train(
     return learned
 
 
-@partial(eqx.filter_jit, donate="all-except-first")
-def _run_chunk(
+def _updates(
     fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], int], learned: Any
 ) -> tuple[Any, Any]:
+    """A chunk of updates: the state after, and every update's metrics."""
     learner, key, first, length = fixed
 
     def update(learned: Any, number: Int[Array, ""]) -> tuple[Any, Any]:
         return learner.update(fold_in(key, number), learned)
 
     return lax.scan(update, learned, first + jnp.arange(length))
+
+
+_run_chunk = eqx.filter_jit(_updates, donate="all-except-first")
 
 
 def _require_finite(metrics: Metrics, first: int) -> None:

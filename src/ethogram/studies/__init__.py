@@ -1,5 +1,12 @@
 """The studies, by name; other packages add theirs under the entry point `ethogram.studies`."""
 
+from typing import TYPE_CHECKING
+
 from ethogram.core.registry import Registry
 
-STUDIES = Registry("study", "ethogram.studies", {"sharing": "ethogram.studies.sharing"})
+if TYPE_CHECKING:  # listing names must not load JAX
+    from ethogram.campaign.study import Study
+
+STUDIES: "Registry[Study]" = Registry(
+    "study", "ethogram.studies", {"sharing": "ethogram.studies.sharing"}
+)

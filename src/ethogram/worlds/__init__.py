@@ -1,5 +1,12 @@
 """The worlds, by name; other packages add theirs under the entry point `ethogram.worlds`."""
 
+from typing import TYPE_CHECKING
+
 from ethogram.core.registry import Registry
 
-WORLDS = Registry("world", "ethogram.worlds", {"sharing": "ethogram.worlds.sharing:Sharing"})
+if TYPE_CHECKING:  # listing names must not load JAX
+    from ethogram.core.world import World
+
+WORLDS: "Registry[type[World]]" = Registry(
+    "world", "ethogram.worlds", {"sharing": "ethogram.worlds.sharing:Sharing"}
+)

@@ -1,7 +1,7 @@
 """Settings, conditions and plans of the study: what is run, and at what price."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 from pydantic import Field
 
@@ -20,7 +20,9 @@ Strategy = Literal["always", "optional", "none", "random"]
 Count = Annotated[int, Field(ge=1)]
 
 if TYPE_CHECKING:
-    WorldSettings = ExplorationSettings = LearnerSettings = Any
+    WorldSettings: TypeAlias = Any
+    ExplorationSettings: TypeAlias = Any
+    LearnerSettings: TypeAlias = Any
 else:
     WorldSettings = settings_of(Sharing, omit=("communication", "encoding"))
     ExplorationSettings = settings_of(ExponentialDecay)
@@ -100,28 +102,21 @@ def filling_word(observed: bool) -> str:
 
 def condition_of(settings: Settings) -> Condition:
     """The cell of the campaign that settings belong to."""
-    return Condition(
-        settings.world.scenario, settings.strategy, settings.world.observe_filling
-    )
+    return Condition(settings.world.scenario, settings.strategy, settings.world.observe_filling)
 
 
 def cases(plan: Plan[Settings]) -> list[Case]:
     """One case per condition, with all its trials."""
     return [
-        Case.of(
-            study=NAME, version=VERSION, name=condition_of(settings).name, settings=settings
-        )
+        Case.of(study=NAME, version=VERSION, name=condition_of(settings).name, settings=settings)
         for settings in plan.points()
     ]
 
 
 def world_of(settings: Settings) -> Sharing:
     """The world of a case; the random strategy may speak, as any action is possible."""
-    optional = settings.strategy in ("optional", "random")
-    return Sharing(
-        **dataclasses.asdict(settings.world),
-        communication="optional" if optional else settings.strategy,
-    )
+    communication = "optional" if settings.strategy == "random" else settings.strategy
+    return Sharing(**dataclasses.asdict(settings.world), communication=communication)
 
 
 def learner_of(settings: Settings) -> QLearning:

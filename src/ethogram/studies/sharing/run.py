@@ -11,13 +11,14 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
 from ethogram.campaign.case import Case, Cost
-
+from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.rollout import Transition, rollout
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train
 from ethogram.studies.sharing.plan import Settings, learner_of
+from ethogram.worlds.sharing.reward import REWARDS
 from ethogram.worlds.sharing.scene import record
 from ethogram.worlds.sharing.world import Sharing, State
 
@@ -44,12 +45,10 @@ def cost(case: Case) -> Cost:
     settings = case.parsed(Settings)
     agent_steps = settings.episodes * settings.world.steps * settings.world.agents
     training = agent_steps * settings.trials / AGENT_STEPS_PER_SECOND
-    return Cost(
-        seconds=COMPILE_SECONDS + training, bytes=learner_of(settings).table_bytes
-    )
+    return Cost(seconds=COMPILE_SECONDS + training, bytes=learner_of(settings).table_bytes)
 
 
-def run(case: Case, context: Any) -> dict[str, xr.Dataset]:
+def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Train and validate all trials of a case.
 
     Returns:
@@ -75,11 +74,11 @@ def run(case: Case, context: Any) -> dict[str, xr.Dataset]:
 
 
 def _train(
-    learner: QLearning, keys: Key[Array, "trials"], settings: Settings, context: Any
+    learner: QLearning, keys: Key[Array, "trials"], settings: Settings, context: Context
 ) -> tuple[Learned, dict[str, np.ndarray]]:
     """Train, from the last checkpoint if there is one; return the learning curves."""
     points = -(-settings.episodes // settings.record_every)
-    curves = {
+    curves: dict[str, np.ndarray] = {
         name: np.zeros((points, settings.trials), np.float32) for name in ("return", "inequality")
     }
     learned = learner.init()
@@ -97,8 +96,7 @@ def _train(
         curves["inequality"][point] = inequality(return_).mean(0)
         context.progress(done, settings.episodes)
         context.checkpoint(
-            lambda: to_arrays(learned)
-            | {f"curve.{name}": curve for name, curve in curves.items()}
+            lambda: to_arrays(learned) | {f"curve.{name}": curve for name, curve in curves.items()}
         )
 
     learned = train(
@@ -162,6 +160,15 @@ def inequality(return_: np.ndarray) -> np.ndarray:
     return return_.std(-1, ddof=1)
 
 
+def payoff(settings: Settings) -> np.ndarray:
+    """What a place pays when shared by 1 to n_a agents (figure 3.1)."""
+    world = settings.world
+    reward = REWARDS[world.scenario]
+    filling = jnp.arange(1, world.agents + 1.0)
+    literal = world.reward == "literal"
+    return np.asarray(reward(filling, world.agents, world.resources, literal))
+
+
 def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) -> xr.Dataset:
     points = len(curves["return"])
     last = np.minimum(np.arange(1, points + 1) * settings.record_every, settings.episodes)
@@ -180,10 +187,17 @@ def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) 
                 watched.first.preference[:, shown].astype(np.int32),
             ),
             "first_spoke": (("trial", "shown", "agent"), watched.first.spoke[:, shown]),
+            "payoff": (("filling",), payoff(settings)),
         },
         coords={
             "point": ("point", last, {"long_name": "training episodes", "units": "episode"}),
             "step": ("step", np.arange(1, settings.world.steps + 1)),
             "act": ("act", list(ACTS)),
+            "filling": ("filling", np.arange(1, settings.world.agents + 1)),
+        },
+        attrs={
+            "agents": settings.world.agents,
+            "resources": settings.world.resources,
+            "largest_reward": float(payoff(settings).max()),
         },
     )

@@ -22,8 +22,8 @@ from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int
 from jax import Array
+from jaxtyping import Int
 
 Communication = Literal["always", "optional", "none"]
 
@@ -97,7 +97,7 @@ def ranking(group: Group) -> Ranking:
         layers.append({state: dict(_choices(group, entry, state)) for state in sorted(states)})
         states = {after for moves in layers[-1].values() for after in moves.values()}
     completions = {state: int(_complete(group, state)) for state in states}
-    number = {state: 0 for state in states}
+    number = dict.fromkeys(states, 0)
     weights: list[np.ndarray] = []
     followings: list[np.ndarray] = []
     for layer in reversed(layers):

@@ -33,7 +33,7 @@ from pydantic import Field
 
 from ethogram.core.errors import TooLarge, UnknownName
 from ethogram.core.settings import setting
-from ethogram.core.spaces import Discrete, MultiDiscrete
+from ethogram.core.spaces import LARGEST_INDEX, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.worlds.sharing.reward import REWARDS, Reading, Scenario, reward_of_filling
 from ethogram.worlds.sharing.rows import Communication, Group, joint_rows, ranking
@@ -78,9 +78,7 @@ class Sharing(World):
     observe_filling: bool = setting(True, bool, static=True)
     reward: Reading = setting("scaled", Reading, static=True)
     terminal: bool = setting(False, bool, static=True)
-    encoding: Literal["index", "vector"] = setting(
-        "index", Literal["index", "vector"], static=True
-    )
+    encoding: Literal["index", "vector"] = setting("index", Literal["index", "vector"], static=True)
 
     @property
     def horizon(self) -> int:
@@ -116,9 +114,7 @@ class Sharing(World):
             return state, {"agent": nobody}  # row 0
         return state, {"agent": self._vector(state, census(state, self.resources))}
 
-    def step(
-        self, key: Key[Array, ""], state: State, action: PerRole
-    ) -> tuple[State, Outcome]:
+    def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
         """Prefer, move on confirmation, speak; then observe and earn in the state reached."""
         del key  # the world is deterministic
         after = move(state, action["agent"], self.communication)
@@ -142,7 +138,7 @@ class Sharing(World):
         return jnp.where(on, pays[:, None], 0.0).sum(0)
 
     def _row(self, state: State, counted: Census) -> Int[Array, "agent"]:
-        if self.rows > jnp.iinfo(jnp.int32).max:
+        if self.rows > LARGEST_INDEX:
             raise TooLarge(
                 f"{self.agents} agents on {self.resources} resources can observe {self.rows:.4g} "
                 'different things, too many to number in 32 bits; use encoding="vector".'

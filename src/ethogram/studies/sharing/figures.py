@@ -1,0 +1,357 @@
+"""Figures 3.1 to 3.6, and the timelines of tables 3.3 and 3.4."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from ethogram.core.findings import Cell, Figure, Table
+from ethogram.studies.plotting import (
+    INK,
+    SERIES,
+    Series,
+    draw_band,
+    draw_boxes,
+    draw_legend,
+    new_figure,
+    style,
+    svg,
+)
+from ethogram.studies.sharing.plan import (
+    FILLINGS,
+    SCENARIOS,
+    SETTINGS,
+    STRATEGIES,
+    Condition,
+    filling_word,
+)
+from ethogram.studies.sharing.results import Records, Results
+from ethogram.studies.sharing.run import SHOWN
+from ethogram.studies.statistics import bootstrap_interval
+from ethogram.worlds.sharing.reward import Scenario
+
+LOOK = dict(zip(STRATEGIES, SERIES, strict=False))  # every strategy looks the same throughout
+SETTING_COLUMNS = ("scenario", "filling")
+
+
+@style()
+def figures(records: Records) -> list[Figure]:
+    """Every figure that the records have data for."""
+    results = Results.of(records)
+    if not results.by_condition:
+        return []
+    drawn = [
+        _rewards(results),
+        _learning_curves(
+            results,
+            "training_return",
+            name="figure-3-2",
+            title="Figure 3.2: Overall return J over training",
+            quantity="J",
+        ),
+        _learning_curves(
+            results,
+            "training_inequality",
+            name="figure-3-3",
+            title="Figure 3.3: Inequality I over training",
+            quantity="I",
+        ),
+        _displacement(results),
+        _communication(results),
+        _individual_returns(results),
+        _timeline(results, Condition("cooperative", "optional", False), "3.3"),
+        _timeline(results, Condition("competitive", "optional", True), "3.4"),
+    ]
+    return [figure for figure in drawn if figure is not None]
+
+
+def _rewards(results: Results) -> Figure:
+    """Figure 3.1."""
+    drawing, panels = new_figure(1, 1)
+    panel = panels[0, 0]
+    rows: list[tuple[Cell, ...]] = []
+    for scenario, series in zip(SCENARIOS, SERIES, strict=False):
+        found = [data for at, data in results.by_condition.items() if at.scenario == scenario]
+        if not found:
+            continue
+        payoff = found[0]["payoff"]
+        panel.plot(
+            payoff["filling"],
+            payoff,
+            color=series.colour,
+            linestyle=series.dash,
+            marker=series.marker,
+            label=scenario,
+        )
+        rows += [
+            (scenario, int(filling), float(reward))
+            for filling, reward in zip(payoff["filling"].values, payoff.values, strict=True)
+        ]
+    panel.set_xlabel("agents on the resource")
+    panel.set_ylabel("reward per step")
+    draw_legend(drawing, panel)
+    return Figure(
+        name="figure-3-1",
+        title="Figure 3.1: Reward functions in three scenarios",
+        caption="What a place on a resource pays an agent, by how many agents share it.",
+        alt="Reward against filling: rising in the cooperative scenario, falling in the "
+        "competitive one, rising to the capacity and then falling in the mixed one.",
+        svg=svg(drawing),
+        data=_data("figure-3-1", ("scenario", "filling", "reward"), rows),
+    )
+
+
+def _learning_curves(
+    results: Results, variable: str, *, name: str, title: str, quantity: str
+) -> Figure:
+    """Figures 3.2 and 3.3."""
+    return _panels(
+        name=name,
+        title=title,
+        caption=f"Mean {quantity} over trials, each point an average over the episodes since "
+        "the last, with 95% bootstrap bands. Exploration continues during training.",
+        alt=f"Six panels, one per scenario and filling: {quantity} against training episodes "
+        "for the four strategies.",
+        columns=("strategy", "episode", "mean", "low", "high"),
+        labels=("training episodes", quantity),
+        draw=lambda panel, setting: [
+            (strategy, *row)
+            for strategy in STRATEGIES
+            for row in _line(
+                panel,
+                results,
+                Condition(setting[0], strategy, setting[1]),
+                lambda data: (data["point"].values, data[variable].values),
+                LOOK[strategy],
+                strategy,
+            )
+        ],
+    )
+
+
+def _displacement(results: Results) -> Figure:
+    """Figure 3.4."""
+    return _panels(
+        name="figure-3-4",
+        title="Figure 3.4: Displacement during the first steps of validation",
+        caption="Eq. 3.14, mean over trials with 95% bootstrap bands. 0 is an even split; all "
+        "agents on one of two resources, or nobody active, give the number of agents.",
+        alt="Six panels, one per scenario and filling: displacement over the first ten steps "
+        "for the four strategies.",
+        columns=("strategy", "step", "mean", "low", "high"),
+        labels=("step", "displacement d"),
+        draw=lambda panel, setting: [
+            (strategy, *row)
+            for strategy in STRATEGIES
+            for row in _line(
+                panel,
+                results,
+                Condition(setting[0], strategy, setting[1]),
+                lambda data: (data["step"].values[:SHOWN], data["displacement"].values[:, :SHOWN]),
+                LOOK[strategy],
+                strategy,
+                markers=True,
+            )
+        ],
+    )
+
+
+def _communication(results: Results) -> Figure:
+    """Figure 3.5."""
+    shown = (("communication", SERIES[0]), ("reward", SERIES[1]))
+
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
+        condition = Condition(setting[0], "optional", setting[1])
+        return [
+            (variable, *row)
+            for variable, series in shown
+            for row in _line(
+                panel,
+                results,
+                condition,
+                lambda data, variable=variable: (  # type: ignore[misc]
+                    data["step"].values[:SHOWN],
+                    data[variable].values[:, :SHOWN],
+                ),
+                series,
+                f"average {variable}",
+                markers=True,
+            )
+        ]
+
+    return _panels(
+        name="figure-3-5",
+        title="Figure 3.5: Communication and reward with optional communication",
+        caption="Share of agents that speak (eq. 3.15) and mean reward (eq. 3.16) over the first "
+        "steps of validation, mean over trials with 95% bootstrap bands.",
+        alt="Six panels, one per scenario and filling: average communication and average reward "
+        "over the first ten steps.",
+        columns=("quantity", "step", "mean", "low", "high"),
+        labels=("step", "share, reward"),
+        draw=draw,
+    )
+
+
+def _individual_returns(results: Results) -> Figure:
+    """Figure 3.6."""
+
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
+        samples: dict[str, np.ndarray] = {}
+        for strategy in STRATEGIES:
+            data = results.by_condition.get(Condition(setting[0], strategy, setting[1]))
+            if data is not None:
+                samples[strategy] = data["validation_return"].values.reshape(-1)
+        if samples:
+            looks = [LOOK[strategy] for strategy in STRATEGIES if strategy in samples]
+            draw_boxes(panel, samples, looks)
+        return [
+            (strategy, *(float(quantile) for quantile in np.quantile(sample, _QUANTILES)))
+            for strategy, sample in samples.items()
+        ]
+
+    return _panels(
+        name="figure-3-6",
+        title="Figure 3.6: Individual return in validation",
+        caption="Return of every agent in every validation episode of every trial; boxes are "
+        "quartiles, whiskers reach 1.5 times their distance.",
+        alt="Six panels, one per scenario and filling: box plots of individual return for the "
+        "four strategies.",
+        columns=("strategy", "minimum", "lower quartile", "median", "upper quartile", "maximum"),
+        labels=("", "return"),
+        draw=draw,
+        legend=False,
+    )
+
+
+_QUANTILES = (0, 0.25, 0.5, 0.75, 1)
+
+
+def _timeline(results: Results, condition: Condition, number: str) -> Figure | None:
+    """Tables 3.3 and 3.4: what each agent of one episode does, step by step."""
+    data = results.by_condition.get(condition)
+    if data is None:
+        return None
+    preference, spoke = data["first_preference"].values[0], data["first_spoke"].values[0]
+    steps, agents = preference.shape
+    best = int(data["validation_return"].values[0, 0].argmax())
+    before = np.pad(preference[:-1], ((1, 0), (0, 0)))
+    changed = preference != before
+    drawing, panels = new_figure(1, 1, height=0.9 + 0.24 * agents)
+    panel = panels[0, 0]
+    for step in range(steps):
+        for agent in range(agents):
+            panel.plot(
+                step + 1,
+                agent + 1,
+                marker=_symbol(bool(changed[step, agent]), int(preference[step, agent])),
+                markersize=8,
+                markeredgewidth=1.3,
+                color=LOOK["always"].colour if spoke[step, agent] else INK,
+                fillstyle="full" if spoke[step, agent] else "none",
+            )
+    names = [f"{agent + 1} ★" if agent == best else str(agent + 1) for agent in range(agents)]
+    panel.set_yticks(range(1, agents + 1), names)
+    panel.set_xticks(range(1, steps + 1))
+    panel.set(xlabel="step", ylabel="agent", xlim=(0.4, steps + 0.6), ylim=(agents + 0.6, 0.4))
+    panel.grid(visible=False)
+    filling = filling_word(condition.observed)
+    return Figure(
+        name=f"table-{number.replace('.', '-')}",
+        title=f"Table {number}: Optional communication, {condition.scenario}, filling {filling}",
+        caption="The first steps of the first trial's first validation episode. Circle: confirms "
+        "its preference; triangle down: changes it to resource 1; triangle up: to resource 2 (a "
+        "number names any other). Filled: speaks. ★: earns most in the episode.",
+        alt=f"A grid of {agents} agents by {steps} steps; {int(spoke.sum())} of "
+        f"{spoke.size} acts are spoken and {int(changed.sum())} change a preference.",
+        svg=svg(drawing),
+        data=_data(
+            f"table-{number.replace('.', '-')}",
+            ("agent", "step", "act", "preference", "speaks"),
+            [
+                (
+                    agent + 1,
+                    step + 1,
+                    "change" if changed[step, agent] else "confirm",
+                    int(preference[step, agent]),
+                    "yes" if spoke[step, agent] else "no",
+                )
+                for agent in range(agents)
+                for step in range(steps)
+            ],
+        ),
+    )
+
+
+def _symbol(changed: bool, preference: int) -> str:
+    if not changed:
+        return "o"
+    return {1: "v", 2: "^"}.get(preference, f"${preference}$")
+
+
+def _panels(
+    *,
+    name: str,
+    title: str,
+    caption: str,
+    alt: str,
+    columns: tuple[str, ...],
+    labels: tuple[str, str],
+    draw: Callable[[Axes, tuple[Scenario, bool]], Sequence[tuple[Cell, ...]]],
+    legend: bool = True,
+) -> Figure:
+    """A figure with a row of panels per scenario and a column per filling."""
+    drawing, panels = new_figure(len(SCENARIOS), len(FILLINGS))
+    rows: list[tuple[Cell, ...]] = []
+    for (scenario, observed), panel in zip(SETTINGS, panels.flat, strict=True):
+        panel.set_title(f"{scenario}, filling {filling_word(observed)}")
+        drawn = draw(panel, (scenario, observed))
+        rows += [(scenario, filling_word(observed), *row) for row in drawn]
+    for panel in panels[-1]:
+        panel.set_xlabel(labels[0])
+    for panel in panels[:, 0]:
+        panel.set_ylabel(labels[1])
+    if legend:
+        draw_legend(drawing, _fullest(panels))
+    return Figure(
+        name=name,
+        title=title,
+        caption=caption,
+        alt=alt,
+        svg=svg(drawing),
+        data=_data(name, SETTING_COLUMNS + columns, rows),
+    )
+
+
+def _fullest(panels: np.ndarray) -> Axes:
+    """The panel with the most series, to take the legend from."""
+    axes: Axes = max(panels.flat, key=lambda panel: len(panel.get_legend_handles_labels()[0]))
+    return axes
+
+
+def _line(
+    panel: Axes,
+    results: Results,
+    condition: Condition,
+    read: Callable[[xr.Dataset], tuple[np.ndarray, np.ndarray]],
+    series: Series,
+    label: str,
+    *,
+    markers: bool = False,
+) -> list[tuple[Cell, ...]]:
+    """Draw the mean over trials with its band; return what was drawn, point by point."""
+    data = results.by_condition.get(condition)
+    if data is None:
+        return []
+    x, samples = read(data)
+    mean = samples.mean(0)
+    low, high = bootstrap_interval(samples, resamples=500)
+    draw_band(panel, x, mean, low, high, series, label, markers=markers)
+    return [
+        (float(at), *(float(number) for number in numbers))
+        for at, *numbers in zip(x, mean, low, high, strict=True)
+    ]
+
+
+def _data(name: str, columns: tuple[str, ...], rows: Sequence[tuple[Cell, ...]]) -> Table:
+    return Table(name=name, title=f"Data of {name}", caption="", columns=columns, rows=tuple(rows))
