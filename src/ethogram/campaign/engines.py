@@ -1,0 +1,146 @@
+"""Where cases are computed: one after another in this process, or side by side in several."""
+
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from ethogram.campaign.case import Case
+from ethogram.campaign.run import Receipt, give_up, run_case
+from ethogram.campaign.store import Store
+from ethogram.campaign.study import Study
+from ethogram.campaign.workers import (
+    Loss,
+    Message,
+    Progress,
+    Ready,
+    Refusal,
+    Worker,
+    with_messages,
+)
+from ethogram.core.errors import EthogramError, UnknownName
+
+ATTEMPTS = 3  # at a case whose worker is killed each time
+
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NPROC": "1"}
+_ONE_XLA_THREAD = "--xla_cpu_multi_thread_eigen=false"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the cases of a run have in common."""
+
+    study: Study
+    store: Store
+    wait: bool  # for cases that another run is computing, instead of leaving them to it
+
+
+Report = Callable[[Case, float], None]  # takes the fraction of a case that is done
+Engine = Callable[[Job, Sequence[Case], int, Report], Iterator[Receipt]]  # int: workers
+
+
+def inline(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Iterator[Receipt]:
+    """Compute the cases one after another in this process."""
+    del workers
+    limit_threads()
+    for case in cases:
+
+        def report_case(fraction: float, case: Case = case) -> None:
+            report(case, fraction)
+
+        yield run_case(job.study, job.store, case, report=report_case, wait=job.wait)
+
+
+def pool(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Iterator[Receipt]:
+    """Compute the cases in spawned processes; the case of one that is killed is run again."""
+    limit_threads()
+    crew = _Crew(job, cases, report)
+    try:
+        yield from crew.receipts(workers)
+    finally:
+        crew.stop()
+
+
+ENGINES: dict[str, Engine] = {"inline": inline, "pool": pool}
+
+
+def engine_named(name: str) -> Engine:
+    """The engine of that name, or `UnknownName` with the nearest."""
+    if name not in ENGINES:
+        raise UnknownName("engine", name, ENGINES)
+    return ENGINES[name]
+
+
+def limit_threads() -> None:
+    """Give numerical libraries one thread, before they start: the same numbers in every engine.
+
+    Cases run side by side, so that more threads would only get into each other's way.
+    """
+    os.environ.update(_ONE_THREAD)
+    flags = os.environ.get("XLA_FLAGS", "").split()
+    if _ONE_XLA_THREAD not in flags:
+        os.environ["XLA_FLAGS"] = " ".join([*flags, _ONE_XLA_THREAD])
+
+
+class _Crew:
+    """The workers of a run, and the cases that wait for one."""
+
+    def __init__(self, job: Job, cases: Sequence[Case], report: Report) -> None:
+        self._job = job
+        self._report = report
+        self._waiting = deque(cases)
+        self._losses = Counter[str]()
+        self._workers: list[Worker] = []
+
+    def receipts(self, workers: int) -> Iterator[Receipt]:
+        """Compute all cases with so many workers."""
+        for _ in range(min(workers, len(self._waiting))):
+            self._hire()
+        while self._workers:
+            for worker in with_messages(self._workers):
+                yield from self._answer(worker, worker.receive())
+
+    def stop(self) -> None:
+        """End all workers at once."""
+        for worker in self._workers:
+            worker.stop()
+
+    def _answer(self, worker: Worker, message: Message) -> Iterator[Receipt]:
+        match message:
+            case Ready():
+                self._employ(worker)
+            case Progress(case, fraction):
+                self._report(case, fraction)
+            case Receipt():
+                self._employ(worker)
+                yield message
+            case Refusal(reason):
+                raise EthogramError(reason)
+            case Loss(cause):
+                yield from self._replace(worker, cause)
+
+    def _hire(self) -> None:
+        self._workers.append(Worker(self._job.study, self._job.store, wait=self._job.wait))
+
+    def _employ(self, worker: Worker) -> None:
+        if self._waiting:
+            worker.give(self._waiting.popleft())
+        else:
+            worker.stop()
+            self._workers.remove(worker)
+
+    def _replace(self, worker: Worker, cause: str) -> Iterator[Receipt]:
+        """Run the case of a worker that was killed again, unless it has cost too many by now."""
+        self._workers.remove(worker)
+        case = worker.case
+        if case is None:
+            raise EthogramError(f"A worker process could not start ({cause}).")
+        self._report(case, 0.0)
+        self._losses[case.id] += 1
+        if self._losses[case.id] < ATTEMPTS:
+            self._waiting.append(case)
+        else:
+            reason = f"Its worker process ended {ATTEMPTS} times, last with {cause}"
+            yield give_up(self._job.store, case, reason)
+        if self._waiting:
+            self._hire()

@@ -1,0 +1,89 @@
+"""One case, from its lock to its record.  What happens here happens alike in every engine."""
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from ethogram.campaign.case import Case
+from ethogram.campaign.checkpoints import Checkpoints
+from ethogram.campaign.context import Context
+from ethogram.campaign.files import StorageError
+from ethogram.campaign.provenance import now
+from ethogram.campaign.sealed import Failure
+from ethogram.campaign.store import Store
+from ethogram.campaign.study import Study
+from ethogram.core.errors import EthogramError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Receipt:
+    """What became of a case; its data stays in the store."""
+
+    case_id: str
+    state: Literal["stored", "failed", "busy"]  # busy: another run is computing it
+    error: str = ""  # one line
+    notes: tuple[str, ...] = ()  # for the user
+
+
+def run_case(
+    study: Study, store: Store, case: Case, *, report: Callable[[float], None], wait: bool
+) -> Receipt:
+    """Compute a case and store its record or its failure, unless that is there already.
+
+    A case that another run holds is waited for or left to it.  Only `StorageError` comes out:
+    a store that cannot be written ends the run, a case that fails does not.
+    """
+    with store.lock(case.id, wait=wait) as held:
+        if not held:
+            return Receipt(case_id=case.id, state="busy")
+        store.clear_temporaries(case.id)
+        notes = [f"{note} It is set aside." for note in store.set_aside_damaged(case.id)]
+        if store.manifest(case.id) is None and store.failure(case.id) is None:
+            notes += _compute(study, store, case, report)
+        failure = None if store.manifest(case.id) else store.failure(case.id)
+    return Receipt(
+        case_id=case.id,
+        state="failed" if failure else "stored",
+        error=failure.error if failure else "",
+        notes=tuple(notes),
+    )
+
+
+def give_up(store: Store, case: Case, reason: str) -> Receipt:
+    """Record that a case failed in a way that its own process could not record."""
+    with store.lock(case.id, wait=True):
+        store.save_failure(
+            Failure(case=case, error=reason, traceback=reason, started=now(), seconds=0.0)
+        )
+    return Receipt(case_id=case.id, state="failed", error=reason)
+
+
+def _compute(study: Study, store: Store, case: Case, report: Callable[[float], None]) -> list[str]:
+    """Run the study on a case and store what comes of it; returns notes for the user."""
+    started, clock = now(), time.monotonic()
+    checkpoints = Checkpoints(store.folder / "checkpoints", case.id)
+    context = Context(report, checkpoints)
+    try:
+        record = study.run(case, context)
+        store.save(case, record, started=started, seconds=time.monotonic() - clock)
+    except StorageError:
+        raise
+    except Exception as error:
+        store.save_failure(
+            Failure(
+                case=case,
+                error=_in_one_line(error),
+                traceback=traceback.format_exc(),
+                started=started,
+                seconds=time.monotonic() - clock,
+            )
+        )
+    checkpoints.clear()
+    return context.notes
+
+
+def _in_one_line(error: Exception) -> str:
+    message = (str(error).strip() or "no message").splitlines()[0]
+    return message if isinstance(error, EthogramError) else f"{type(error).__name__}: {message}"

@@ -1,0 +1,56 @@
+"""What a study is to those who run it and show it.  A module that has these names is one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import xarray as xr
+
+from ethogram.campaign.case import Case, Cost
+from ethogram.campaign.context import Context
+from ethogram.campaign.plan import Plan
+from ethogram.core.findings import Claim, Figure, Table
+
+Record = dict[str, xr.Dataset]  # groups: "results", and a "scene-..." each for replays
+Records = Mapping[str, Record]  # by the case's name, in the plan's order; missing ones are absent
+
+
+class Study(Protocol):
+    """A question, the runs that answer it, and how the answer is shown."""
+
+    @property
+    def NAME(self) -> str:  # noqa: N802 - constants of a module
+        """Its name on the command line and its folder in the results."""
+
+    @property
+    def VERSION(self) -> str:  # noqa: N802
+        """Raised when the code gives other numbers for the same settings."""
+
+    @property
+    def TITLE(self) -> str:  # noqa: N802
+        """The heading of its page."""
+
+    @property
+    def QUESTION(self) -> str:  # noqa: N802
+        """What it asks, in a sentence or two."""
+
+    @property
+    def PLANS(self) -> Mapping[str, Plan[Any]]:  # noqa: N802
+        """By name: "smoke", "quick", "thesis" and maybe more."""
+
+    def cases(self, plan: Plan[Any], /) -> Sequence[Case]:
+        """The conditions of a plan, each with a name of its own."""
+
+    def cost(self, case: Case, /) -> Cost:
+        """What a case is expected to take."""
+
+    def run(self, case: Case, context: Context, /) -> Record:
+        """Compute a case.  Nothing else in a study spends compute."""
+
+    def tables(self, records: Records, /) -> Sequence[Table]:
+        """The chapter's tables."""
+
+    def figures(self, records: Records, /) -> Sequence[Figure]:
+        """The chapter's figures."""
+
+    def claims(self, records: Records, /) -> Sequence[Claim]:
+        """The chapter's claims, all of them, with their verdicts."""
