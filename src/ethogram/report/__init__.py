@@ -1,0 +1,10 @@
+"""Pages that show what the studies found: one folder that needs no network and no server.
+
+`index.html` has a row per study; `report/` holds each study's page, and beside it the data behind
+its tables and figures.  Nothing here computes or reads records: the caller brings `StudyPage`s.
+"""
+
+from ethogram.report.page import StudyPage
+from ethogram.report.site import write
+
+__all__ = ["StudyPage", "write"]

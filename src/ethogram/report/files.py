@@ -1,0 +1,84 @@
+"""The report's files: each is put in place whole, and only what a report wrote is ever removed."""
+
+import contextlib
+import hashlib
+import json
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+
+from ethogram.core.errors import EthogramError
+
+MARK = '<meta name="generator" content="Ethogram">'  # tells our pages from a user's own
+LISTING = "report/files.json"  # path -> sha256 of all that the last report wrote
+
+
+def publish(folder: Path, files: Mapping[str, str]) -> None:
+    """Put `files` (relative path -> text) into `folder` and remove those of earlier reports.
+
+    The listing names what is about to be written before anything is, so that a report cut short
+    leaves nothing that the next one would not know as its own.
+    """
+    contents = {path: text.encode(errors="replace") for path, text in files.items()}
+    hashes = {path: hashlib.sha256(content).hexdigest() for path, content in contents.items()}
+    try:
+        known = _listed(folder)
+        _refuse_to_replace_foreign(folder, [path for path in files if path not in known])
+        _write(folder / LISTING, _json(known | hashes))
+        for path, content in contents.items():
+            _write(folder / path, content)
+        for path in known.keys() - hashes.keys():
+            _remove(folder, path, known[path])
+        _write(folder / LISTING, _json(hashes))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise EthogramError(f"Cannot write the report to {str(folder)!r}: {reason}.") from error
+
+
+def _listed(folder: Path) -> dict[str, str]:
+    """What the last report wrote; a damaged listing says nothing."""
+    try:
+        listing = json.loads((folder / LISTING).read_bytes())
+    except (FileNotFoundError, ValueError):
+        return {}
+    entries = listing.items() if isinstance(listing, dict) else ()
+    return {path: sha256 for path, sha256 in entries if isinstance(sha256, str)}
+
+
+def _refuse_to_replace_foreign(folder: Path, paths: list[str]) -> None:
+    for path in paths:
+        page = folder / path
+        if page.suffix != ".html" or not page.exists():
+            continue
+        if MARK not in page.read_text(errors="replace"):
+            raise EthogramError(
+                f"{str(page)!r} is there and is no page of Ethogram's: move it, or choose another "
+                "folder for the report."
+            )
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Never half: the content goes to a file beside, which then takes the name."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+    try:
+        beside.write_bytes(content)
+        beside.replace(path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def _remove(folder: Path, path: str, sha256: str) -> None:
+    """Remove what is still as a report wrote it, and its folder when that was the last in it."""
+    file = (folder / path).resolve()
+    if not file.is_relative_to(folder.resolve()) or not file.is_file():
+        return
+    if hashlib.sha256(file.read_bytes()).hexdigest() == sha256:
+        file.unlink()
+        with contextlib.suppress(OSError):
+            file.parent.rmdir()
+
+
+def _json(entries: Mapping[str, str]) -> bytes:
+    return json.dumps(entries, indent=1, sort_keys=True).encode()

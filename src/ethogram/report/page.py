@@ -1,0 +1,39 @@
+"""What a study's page is made of: plain data, put together by the caller from stored records."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, get_args
+
+from ethogram.core.findings import Claim, Figure, Table, Verdict
+
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyPage:
+    """One study as it was run; every text is shown as text, whatever it holds."""
+
+    name: str  # as on the command line, unique in a report
+    title: str
+    question: str
+    plan: str
+    plan_description: str
+    trials: int | None  # per case, where all cases have as many
+    cases_done: int
+    cases_planned: int
+    failures: Sequence[tuple[str, str]] = ()  # case, last line of the traceback
+    date: str
+    seconds: float  # of computing
+    command: str  # runs the study again
+    digest: str  # over the data of all records
+    settings: Mapping[str, Any] = field(default_factory=dict)  # nested JSON
+    versions: Mapping[str, str] = field(default_factory=dict)
+    claims: Sequence[Claim] = ()
+    tables: Sequence[Table] = ()
+    figures: Sequence[Figure] = ()
+
+    def tally(self) -> dict[Verdict, int]:
+        """How many claims got each verdict, zeros included."""
+        counts = Counter(claim.verdict for claim in self.claims)
+        return {verdict: counts[verdict] for verdict in VERDICTS}

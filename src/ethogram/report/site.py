@@ -1,0 +1,94 @@
+"""From study pages to the files of a report."""
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ethogram.core.errors import EthogramError
+from ethogram.report import drawings, tables, wording
+from ethogram.report.files import MARK, publish
+from ethogram.report.page import StudyPage
+
+INDEX = "index.html"
+PAGES = "report"  # apart from the store's folders, which may stand beside it
+
+
+def write(folder: Path, pages: Sequence[StudyPage]) -> Path:
+    """Write the report on `pages` into `folder`, in place of an earlier one; returns its index."""
+    _refuse_twins("studies", [page.name for page in pages])
+    files: dict[str, str] = {}
+    for page in pages:
+        files |= dict(_study_files(page))
+    files[INDEX] = _render("index.html", pages=pages, root="")
+    publish(folder, files)
+    return folder / INDEX
+
+
+def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
+    """The data of the page, then the page, so that its links always lead somewhere."""
+    _refuse_twins(
+        f"tables and figures of study {page.name!r}",
+        [table.name for table in page.tables] + [figure.name for figure in page.figures],
+    )
+    data = f"{PAGES}/{slug(page.name)}"
+    for table in page.tables:
+        yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
+    for figure in page.figures:
+        yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
+        picture = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        yield f"{data}/{slug(figure.name)}.svg", picture
+    yield f"{data}.html", _render("study.html", page=page, data=slug(page.name), root="../")
+
+
+def slug(name: str) -> str:
+    """A name as a file name and an anchor: itself where it is plain, else told apart by a hash."""
+    plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower())[:60]
+    if name and plain == name:
+        return name
+    return f"{plain.strip('-')}-{hashlib.sha256(name.encode(errors='replace')).hexdigest()[:8]}"
+
+
+def _refuse_twins(what: str, names: Sequence[str]) -> None:
+    twins = [name for name, count in Counter(names).items() if count > 1]
+    if twins:
+        raise EthogramError(f"Two {what} have the name {', '.join(map(repr, twins))}.")
+
+
+def _inlined(svg: str, name: str, alt: str) -> Markup:
+    """The one text that goes onto a page as markup: a drawing, parsed and written anew."""
+    return Markup(drawings.inlined(svg, name=slug(name), alt=alt))
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("ethogram.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {
+        "mark": Markup(MARK),
+        "lay_out": tables.lay_out,
+        "inlined": _inlined,
+        "effect": wording.effect,
+        "dotted": wording.dotted,
+        "pages_folder": PAGES,
+    }
+    environment.filters |= {
+        "slug": slug,
+        "duration": wording.duration,
+        "p_value": wording.p_value,
+    }
+    return environment
+
+
+def _render(template: str, **values: object) -> str:
+    return _environment().get_template(template).render(values)

@@ -1,0 +1,97 @@
+"""Numbers, intervals and durations as a careful author writes them."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from decimal import Decimal
+from typing import Any
+
+from ethogram.core.findings import Claim
+
+MINUS = "\N{MINUS SIGN}"
+THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
+TIMES = "\N{MULTIPLICATION SIGN}"
+
+MOST_DECIMALS = 6
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def decimals_for(values: Iterable[float], *, digits: int = 3) -> int:
+    """The decimals that give a typical one of `values` this many significant digits."""
+    sizes = sorted(abs(value) for value in values if value and math.isfinite(value))
+    if not sizes:
+        return 0
+    typical = sizes[len(sizes) // 2]
+    return min(MOST_DECIMALS, max(0, digits - 1 - math.floor(math.log10(typical))))
+
+
+def decimals_printed(value: float) -> int:
+    """The decimals that a published number was printed with, as far as its float still tells."""
+    exponent = Decimal(repr(value)).as_tuple().exponent
+    return min(MOST_DECIMALS, max(0, -exponent)) if isinstance(exponent, int) else 0
+
+
+def number(value: float, decimals: int, *, signed: bool = False) -> str:
+    """The value rounded to `decimals`; powers of ten where these would say nothing."""
+    if math.isnan(value):
+        return "undefined"
+    if math.isinf(value):
+        return "∞" if value > 0 else f"{MINUS}∞"
+    vanishes = value and decimals == MOST_DECIMALS and not round(value, decimals)
+    if vanishes or abs(value) >= 1e9:
+        mantissa, exponent = f"{value:.2e}".split("e")
+        power = str(int(exponent)).translate(_SUPERSCRIPT)
+        return f"{mantissa} {TIMES} 10{power}".replace("-", MINUS)
+    rounded = round(value, decimals) or 0.0  # no minus before a zero
+    text = f"{rounded:{'+' if signed and rounded else ''},.{decimals}f}"
+    return text.replace(",", THIN_SPACE if abs(rounded) >= 10_000 else "").replace("-", MINUS)
+
+
+def interval(low: float | None, high: float | None, decimals: int) -> str:
+    """The interval in brackets, open where a bound is missing; nothing where both are."""
+    if low is None and high is None:
+        return ""
+    below = f"{MINUS}∞" if low is None else number(low, decimals)
+    above = "∞" if high is None else number(high, decimals)
+    return f"[{below}, {above}]"
+
+
+def effect(claim: Claim) -> tuple[str, str]:
+    """A claim's effect with its unit, and its interval, to the digits that the interval bears."""
+    if claim.effect is None:
+        return "", ""
+    if claim.low is not None and claim.high is not None and claim.high > claim.low:
+        decimals = decimals_for([claim.high - claim.low], digits=2)
+    else:
+        decimals = decimals_for([claim.effect])
+    amount = f"{number(claim.effect, decimals)} {claim.unit}".rstrip()
+    return amount, interval(claim.low, claim.high, decimals)
+
+
+def p_value(value: float | None) -> str:
+    """To three decimals, never as zero."""
+    if value is None:
+        return ""
+    return "< 0.001" if value < 0.001 else f"= {number(value, 3)}"
+
+
+def duration(seconds: float) -> str:
+    """In the two largest units that matter."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{number(seconds, 1 if 0 < seconds < 10 else 0)} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min"
+
+
+def dotted(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested settings as the dotted keys of `--set`, each with its value."""
+    for key, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            yield from dotted(value, f"{prefix}{key}.")
+        else:
+            text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+            yield f"{prefix}{key}", text

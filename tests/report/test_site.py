@@ -1,0 +1,97 @@
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from ethogram.core.errors import EthogramError
+from ethogram.report import StudyPage, write
+from ethogram.report.site import slug
+
+
+class Anchors(HTMLParser):
+    """The ids and the links of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, _: str, attrs: list[tuple[str, str | None]]) -> None:
+        for key, value in attrs:
+            if key == "id":
+                self.ids.append(value or "")
+            elif key == "href":
+                self.links.append(value or "")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, sharing: StudyPage, bare: StudyPage) -> Path:
+    return write(tmp_path_factory.mktemp("site"), [sharing, bare]).parent
+
+
+def test_every_link_leads_to_a_file_or_an_anchor_that_is_there(folder: Path) -> None:
+    for page in folder.rglob("*.html"):
+        anchors = Anchors(page.read_text())
+        assert len(anchors.links) > 2
+        for link in anchors.links:
+            path, _, fragment = link.partition("#")
+            if fragment:
+                assert fragment in anchors.ids
+            elif not path.startswith("data:"):
+                assert (page.parent / path).is_file(), link
+
+
+def test_no_id_stands_twice_on_a_page(folder: Path) -> None:
+    for page in folder.rglob("*.html"):
+        ids = Anchors(page.read_text()).ids
+        assert len(ids) == len(set(ids))
+
+
+def test_the_front_page_counts_the_verdicts_of_each_study(sharing: StudyPage) -> None:
+    assert sharing.tally() == {"confirmed": 5, "refuted": 1, "undecided": 2, "not run": 1}
+
+
+def test_the_same_pages_give_the_same_bytes(
+    folder: Path, tmp_path: Path, sharing: StudyPage, bare: StudyPage
+) -> None:
+    write(tmp_path, [sharing, bare])
+    for path in folder.rglob("*"):
+        if path.is_file():
+            assert (tmp_path / path.relative_to(folder)).read_bytes() == path.read_bytes()
+
+
+def test_a_study_that_is_gone_leaves_no_page_behind(
+    tmp_path: Path, sharing: StudyPage, bare: StudyPage
+) -> None:
+    write(tmp_path, [sharing, bare])
+    write(tmp_path, [bare])
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {"bare.html", "files.json"}
+
+
+def test_two_studies_with_one_name_are_refused_before_anything_is_written(
+    tmp_path: Path, bare: StudyPage
+) -> None:
+    with pytest.raises(EthogramError, match="Two studies have the name 'bare'"):
+        write(tmp_path / "out", [bare, replace(bare, title="Another")])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_and_a_figure_with_one_name_are_refused(tmp_path: Path, sharing: StudyPage) -> None:
+    figure = replace(sharing.figures[0], name="table-3-2")
+    with pytest.raises(EthogramError, match=r"tables and figures of study 'sharing'.*'table-3-2'"):
+        write(tmp_path, [replace(sharing, figures=[figure])])
+
+
+def test_without_studies_the_front_page_says_so(tmp_path: Path) -> None:
+    assert "No study has been run yet" in write(tmp_path, []).read_text()
+
+
+def test_a_slug_is_a_plain_file_name_and_different_for_different_names() -> None:
+    names = ["sharing", "Sharing", "../../etc", "a/b", "a b", "a\0b", "עברית", "x" * 300, "", "."]
+    slugs = [slug(name) for name in names]
+    assert slugs[0] == "sharing"
+    assert len(set(slugs)) == len(names)
+    assert all(set(s) <= set("abcdefghijklmnopqrstuvwxyz0123456789_-") for s in slugs)
+    assert all(0 < len(s) < 80 for s in slugs)

@@ -1,0 +1,102 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ethogram.core.findings import Claim
+from ethogram.report import wording
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [
+        (99.0, 1, "99.0"),
+        (-0.5, 2, "\u22120.50"),
+        (-0.02, 1, "0.0"),
+        (1234.0, 0, "1234"),
+        (20_000.0, 0, "20\u202f000"),
+        (0.0, 3, "0.000"),
+        (2.5e-9, 6, "2.50 \u00d7 10⁻⁹"),
+        (-3e12, 0, "\u22123.00 \u00d7 10¹²"),
+        (math.nan, 2, "undefined"),
+        (-math.inf, 2, "\u2212∞"),
+    ],
+)
+def test_a_number_reads_as_an_author_would_print_it(value: float, decimals: int, text: str) -> None:
+    assert wording.number(value, decimals) == text
+
+
+def test_a_signed_number_shows_its_plus_but_zero_has_no_sign() -> None:
+    assert wording.number(0.5, 1, signed=True) == "+0.5"
+    assert wording.number(-0.5, 1, signed=True) == "\u22120.5"
+    assert wording.number(0.01, 1, signed=True) == "0.0"
+
+
+@given(st.floats(), st.integers(0, wording.MOST_DECIMALS))
+def test_every_float_can_be_worded(value: float, decimals: int) -> None:
+    assert wording.number(value, decimals)
+
+
+def test_decimals_follow_the_typical_size() -> None:
+    assert wording.decimals_for([99.0, 25.4, 0.0]) == 1
+    assert wording.decimals_for([0.0123]) == 4
+    assert wording.decimals_for([4321.0]) == 0
+    assert wording.decimals_for([0.0, math.nan, math.inf]) == 0
+
+
+def test_a_published_number_keeps_the_decimals_it_was_printed_with() -> None:
+    assert wording.decimals_printed(99.0) == 1
+    assert wording.decimals_printed(0.35) == 2
+    assert wording.decimals_printed(3050) == 0
+    assert wording.decimals_printed(1e-5) == 5
+
+
+def claim(effect: float | None, low: float | None, high: float | None, unit: str) -> Claim:
+    return Claim(
+        number=1, statement="", source="", test="", effect=effect, low=low, high=high, unit=unit,
+        p_value=None, verdict="undecided",
+    )  # fmt: skip
+
+
+def test_an_effect_has_the_digits_that_its_interval_bears() -> None:
+    assert wording.effect(claim(0.12345, 0.1, 0.14, "reward")) == ("0.123 reward", "[0.100, 0.140]")
+    assert wording.effect(claim(12.345, 2.0, 24.0, "%")) == ("12 %", "[2, 24]")
+
+
+def test_an_effect_may_lack_bounds_or_be_missing() -> None:
+    assert wording.effect(claim(0.5, 0.25, None, "")) == ("0.500", "[0.250, ∞]")
+    assert wording.effect(claim(0.5, None, None, "")) == ("0.500", "")
+    assert wording.effect(claim(1.0, 1.0, 1.0, "")) == ("1.00", "[1.00, 1.00]")
+    assert wording.effect(claim(None, None, None, "m")) == ("", "")
+
+
+def test_a_p_value_is_never_zero() -> None:
+    assert wording.p_value(0.0) == "< 0.001"
+    assert wording.p_value(0.0421) == "= 0.042"
+    assert wording.p_value(None) == ""
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "0 s"),
+        (0.42, "0.4 s"),
+        (59.4, "59 s"),
+        (59.9, "1 min 0 s"),
+        (161.3, "2 min 41 s"),
+        (7260.0, "2 h 1 min"),
+    ],
+)
+def test_a_duration_is_in_the_two_largest_units(seconds: float, text: str) -> None:
+    assert wording.duration(seconds) == text
+
+
+def test_settings_are_listed_under_their_dotted_keys() -> None:
+    settings = {"world": {"agents": 10, "fill": {"seen": True}}, "name": "a b", "empty": {}}
+    assert list(wording.dotted(settings)) == [
+        ("world.agents", "10"),
+        ("world.fill.seen", "true"),
+        ("name", "a b"),
+        ("empty", "{}"),
+    ]
