@@ -1,0 +1,20 @@
+import pytest
+
+from ethogram.core.errors import TooLarge
+from ethogram.core.memory import available_memory, readable_bytes, require_memory
+
+
+def test_what_fits_passes_and_what_does_not_is_refused_with_both_sizes():
+    require_memory("a byte", 1)
+    with pytest.raises(
+        TooLarge, match=r"a table needs 1e\+03 PB|a table needs 1 EB|a table needs .*PB"
+    ):
+        require_memory("a table", 10**18)
+    assert available_memory() > 0
+
+
+@pytest.mark.parametrize(
+    ("size", "text"), [(5, "5 bytes"), (403_606_400, "404 MB"), (1.2e12, "1.2 TB")]
+)
+def test_sizes_read_like_sizes(size, text):
+    assert readable_bytes(size) == text

@@ -1,0 +1,191 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tests.oracles import sharing as oracle
+
+from ethogram.core.errors import EthogramError, TooLarge
+from ethogram.core.keys import counter_bits, fold_in, trial_keys
+from ethogram.core.rollout import rollout
+from ethogram.learners.dynamic_programming import DecisionProcess, value_iteration
+from ethogram.learners.qlearning import HALF, QLearning, choose
+from ethogram.learners.schedules import Constant, ExponentialDecay, LinearDecay
+from ethogram.learners.train import Diverged, train
+from ethogram.worlds.sharing import Sharing
+
+SMALL = {"agents": 3, "resources": 2, "steps": 20}
+
+
+def ignore(done, learned, metrics):
+    """Nothing to do between chunks."""
+
+
+def chain():
+    """Four states in a row; action 1 moves on with chance 0.8; reaching the last one earns 1."""
+    transition = np.zeros((4, 2, 4))
+    for state in range(4):
+        transition[state, 0, max(state - 1, 0)] = 1.0
+        transition[state, 1, state] += 0.2
+        transition[state, 1, min(state + 1, 3)] += 0.8
+    reward = np.zeros((4, 2, 4))
+    reward[2, 1, 3] = 1.0
+    return DecisionProcess(
+        transition=jnp.asarray(transition, jnp.float32),
+        reward=jnp.asarray(reward, jnp.float32),
+        terminal=jnp.arange(4) == 3,
+        start=jnp.array([1.0, 1.0, 1.0, 0.0]) / 3,
+        steps=30,
+    )
+
+
+def test_it_reaches_the_optimum_that_value_iteration_finds():
+    world = chain()
+    learner = QLearning(world, Constant(0.3), rate=0.02, discount=0.9, trials=50)
+    learned = train(
+        learner,
+        trial_keys(0, "chain", 50),
+        learner.init(),
+        2000,
+        chunk=2000,
+        after_chunk=ignore,
+    )
+    table = learned.table["agent"].reshape(50, 4, 2)[:, :3].mean(0)
+    optimum = value_iteration(world, 0.9).action_value[:3]
+    np.testing.assert_allclose(table, optimum, atol=0.02)
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_tables_are_those_of_agents_that_keep_dictionaries(terminal):
+    """Two trials of three episodes, replayed with sparse tables and the printed update."""
+    world = Sharing(scenario="mixed", **SMALL, terminal=terminal)
+    trials, episodes, explore = 2, 3, 0.5
+    learner = QLearning(world, Constant(explore), rate=0.1, discount=0.9, trials=trials)
+    keys = trial_keys(1, "oracle", trials)
+    learned = train(learner, keys, learner.init(), episodes, chunk=2, after_chunk=ignore)
+    table = np.asarray(learned.table["agent"]).reshape(trials, world.agents, world.rows, 4)
+    for trial in range(trials):
+        agents, rows = _replay(world, keys[trial], episodes, explore)
+        assert sum(len(agent.table) for agent in agents) > 100
+        for number, agent in enumerate(agents):
+            for observation, values in agent.table.items():
+                found = table[trial, number, rows[observation]]
+                np.testing.assert_allclose(found, values, rtol=1e-5, atol=1e-7)
+        visited = set(rows.values())
+        untouched = [row for row in range(world.rows) if row not in visited]
+        assert not table[trial][:, untouched].any()
+
+
+def _replay(world, key, episodes, explore):
+    """Agents with dictionaries, and the table row of each observation met."""
+    agents = [oracle.Learner(4, 0.1, 0.9) for _ in range(world.agents)]
+    rows = {}
+    step = eqx.filter_jit(world.step)
+    for episode in range(episodes):
+        episode_key = fold_in(key, episode)
+        group = oracle.Group(world.agents, world.resources, "mixed", "optional", True)
+        state, seen = world.reset(episode_key)
+        for time in range(world.steps):
+            before = group.observations()
+            values = jnp.asarray(
+                np.stack([a.values(o) for a, o in zip(agents, before, strict=True)])
+            )
+            rows |= dict(zip(before, np.asarray(seen["agent"]).tolist(), strict=True))
+            bits = counter_bits(episode_key, time * world.agents + jnp.arange(world.agents))
+            threshold = jnp.uint32(explore * 2**HALF)
+            actions = np.asarray(choose(values.T.astype(jnp.float32), bits, threshold))
+            group.step(actions)
+            state, outcome = step(episode_key, state, {"agent": jnp.asarray(actions)})
+            seen = outcome.observation
+            after = group.observations()
+            rows |= dict(zip(after, np.asarray(seen["agent"]).tolist(), strict=True))
+            over = world.terminal and time == world.steps - 1
+            # all read the table before anyone writes: tables are private, so order is free
+            for agent, *what in zip(agents, before, actions, group.rewards(), after, strict=True):
+                agent.learn(*what, over)
+    return agents, rows
+
+
+def test_an_interrupted_training_goes_on_to_the_same_tables():
+    learner = QLearning(Sharing(**SMALL), trials=2)
+    keys = trial_keys(0, "resume", 2)
+    whole = train(learner, keys, learner.init(), 6, chunk=2, after_chunk=ignore)
+    half = train(learner, keys, learner.init(), 4, chunk=2, after_chunk=ignore)
+    rest = train(learner, keys, half, 6, chunk=2, after_chunk=ignore, start=4)
+    jax.tree.map(np.testing.assert_array_equal, whole, rest)
+
+
+def test_metrics_are_the_returns_of_each_trial_and_agent():
+    learner = QLearning(Sharing(**SMALL), Constant(1.0), trials=2)
+    seen = []
+    train(
+        learner,
+        trial_keys(0, "metrics", 2),
+        learner.init(),
+        3,
+        chunk=2,
+        after_chunk=lambda done, learned, metrics: seen.append((done, metrics["return"]["agent"])),
+    )
+    assert [(done, returns.shape) for done, returns in seen] == [(2, (2, 2, 3)), (3, (1, 2, 3))]
+    assert all((returns > 0).all() and (returns <= 19).all() for _, returns in seen)
+
+
+def test_ties_are_broken_evenly_and_exploration_happens_as_often_as_asked():
+    count = 60_000
+    bits = jax.random.bits(jax.random.key(0), (count,))
+    values = jnp.broadcast_to(jnp.array([1.0, 3.0, 3.0, 3.0])[:, None], (4, count))
+
+    def shares(epsilon):
+        chosen = choose(values, bits, jnp.uint32(epsilon * 2**HALF))
+        return np.bincount(chosen, minlength=4) / count
+
+    np.testing.assert_allclose(shares(0.0), [0, 1 / 3, 1 / 3, 1 / 3], atol=0.01)
+    np.testing.assert_allclose(shares(1.0), [1 / 4] * 4, atol=0.01)
+    np.testing.assert_allclose(shares(0.4), [0.1, 0.3, 0.3, 0.3], atol=0.01)
+
+
+def test_a_policy_acts_by_the_tables_of_its_trial():
+    world = Sharing(**SMALL, communication="none")
+    learner = QLearning(world, trials=2)
+    learned = learner.init()
+    table = learned.table["agent"].reshape(2, 3, world.rows, 2)
+    table = table.at[0, :, :, 0].set(1.0).at[1, :, :, 1].set(1.0)  # trial 0 wants resource 1
+    learned = eqx.tree_at(lambda l: l.table["agent"], learned, table.reshape(-1, 2))
+    for trial in (0, 1):
+        _, played = rollout(world, learner.policy(learned, trial), jax.random.key(0), 20)
+        assert (played.state.preference == trial + 1).all()
+
+
+def test_tables_that_do_not_fit_are_refused_with_the_size_they_need():
+    world = Sharing(agents=20, resources=3)
+    size = 20 * world.rows * 6 * 4
+    with pytest.raises(TooLarge, match=rf"20 agent tables of {world.rows:,} x 6 needs"):
+        QLearning(world).init()
+    assert QLearning(world).table_bytes == size
+    with pytest.raises(TooLarge, match="more rows than 32 bits can number|needs"):
+        QLearning(Sharing(), trials=2000).init()
+
+
+def test_spaces_that_are_not_discrete_are_refused_by_name():
+    with pytest.raises(EthogramError, match=r"discrete spaces; 'agent' of Sharing has MultiD"):
+        QLearning(Sharing(encoding="vector")).init()
+
+
+def test_metrics_that_are_not_finite_stop_training_and_are_named():
+    class Broken(eqx.Module):
+        def update(self, key, learned):
+            del key
+            return learned + 1, {"loss": {"actor": jnp.where(learned == 4, jnp.nan, 1.0)}}
+
+    with pytest.raises(Diverged, match=r"loss\.actor is not finite at update 4"):
+        train(Broken(), jax.random.key(0), jnp.int32(0), 10, chunk=3, after_chunk=ignore)
+
+
+def test_schedules_fall_from_their_start_to_their_end():
+    decay = ExponentialDecay(1.0, 0.01, 0.9995)
+    np.testing.assert_allclose(decay(jnp.int32(0)), 1.0)
+    np.testing.assert_allclose(decay(jnp.int32(100)), 0.9995**100, rtol=1e-4)
+    assert decay(jnp.int32(9207)) > 0.01
+    np.testing.assert_allclose(decay(jnp.int32(9209)), 0.01)  # as the thesis' numbers imply
+    linear = LinearDecay(1.0, 0.2, 10)
+    np.testing.assert_allclose([linear(jnp.int32(at)) for at in (0, 5, 50)], [1.0, 0.6, 0.2])
