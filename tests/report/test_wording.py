@@ -64,9 +64,14 @@ def test_an_effect_has_the_digits_that_its_interval_bears() -> None:
     assert wording.effect(claim(12.345, 2.0, 24.0, "%")) == ("12 %", "[2, 24]")
 
 
+def test_an_effect_smaller_than_its_interval_does_not_read_as_zero() -> None:
+    assert wording.effect(claim(-0.31, -780.0, 779.6, "")) == ("\u22120.3", "[\u2212780, 780]")
+
+
 def test_an_effect_may_lack_bounds_or_be_missing() -> None:
     assert wording.effect(claim(0.5, 0.25, None, "")) == ("0.500", "[0.250, ∞]")
     assert wording.effect(claim(0.5, None, None, "")) == ("0.500", "")
+    assert wording.effect(claim(0.5, 0.25, math.inf, "")) == ("0.500", "[0.250, ∞]")
     assert wording.effect(claim(1.0, 1.0, 1.0, "")) == ("1.00", "[1.00, 1.00]")
     assert wording.effect(claim(None, None, None, "m")) == ("", "")
 

@@ -72,3 +72,11 @@ def test_boxes_on_shared_axes_are_labelled_once() -> None:
         plotting.draw_boxes(panel, {"a": X, "b": X**2}, plotting.SERIES)
     assert [tick.get_text() for tick in panels[-1, 0].get_xticklabels()] == ["a", "b"]
     assert list(panels[-1, 0].get_xticks()) == [1, 2]
+
+
+@plotting.style()
+def test_an_empty_sample_leaves_its_place_empty() -> None:
+    drawing, panels = plotting.new_figure()
+    plotting.draw_boxes(panels[0, 0], {"a": X, "b": [], "c": X}, plotting.SERIES)
+    assert [tick.get_text() for tick in panels[0, 0].get_xticklabels()] == ["a", "b", "c"]
+    assert "nan" not in plotting.svg(drawing)

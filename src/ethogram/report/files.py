@@ -3,10 +3,10 @@
 import contextlib
 import hashlib
 import json
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 
+from ethogram.campaign.files import write_whole
 from ethogram.core.errors import EthogramError
 
 MARK = '<meta name="generator" content="Ethogram">'  # tells our pages from a user's own
@@ -58,15 +58,8 @@ def _refuse_to_replace_foreign(folder: Path, paths: list[str]) -> None:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Never half: the content goes to a file beside, which then takes the name."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
-    try:
-        beside.write_bytes(content)
-        beside.replace(path)
-    except BaseException:
-        beside.unlink(missing_ok=True)
-        raise
+    write_whole(path, content, owner="report")
 
 
 def _remove(folder: Path, path: str, sha256: str) -> None:

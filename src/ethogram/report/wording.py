@@ -57,15 +57,20 @@ def interval(low: float | None, high: float | None, decimals: int) -> str:
 
 
 def effect(claim: Claim) -> tuple[str, str]:
-    """A claim's effect with its unit, and its interval, to the digits that the interval bears."""
+    """A claim's effect with its unit, and its interval, to the digits that the interval bears.
+
+    An effect far smaller than its interval still shows its first digit: it is not zero.
+    """
     if claim.effect is None:
         return "", ""
-    if claim.low is not None and claim.high is not None and claim.high > claim.low:
-        decimals = decimals_for([claim.high - claim.low], digits=2)
-    else:
-        decimals = decimals_for([claim.effect])
+    decimals = borne = decimals_for([claim.effect])
+    if claim.low is not None and claim.high is not None:
+        width = claim.high - claim.low
+        if 0 < width < math.inf:
+            borne = decimals_for([width], digits=2)
+            decimals = max(borne, decimals_for([claim.effect], digits=1))
     amount = f"{number(claim.effect, decimals)} {claim.unit}".rstrip()
-    return amount, interval(claim.low, claim.high, decimals)
+    return amount, interval(claim.low, claim.high, borne)
 
 
 def p_value(value: float | None) -> str:
