@@ -39,8 +39,8 @@ format: $(READY)  ## format the code and mend what lint can mend
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-docs: $(DOCS_READY)  ## build the site: docs/_build/index.html
-	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs docs/_build
+docs: $(DOCS_READY)  ## build the site: docs/_build/html/index.html
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs docs/_build/html
 
 bench: $(READY)  ## measure speed and memory
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
