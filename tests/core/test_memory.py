@@ -6,9 +6,7 @@ from ethogram.core.memory import available_memory, readable_bytes, require_memor
 
 def test_what_fits_passes_and_what_does_not_is_refused_with_both_sizes():
     require_memory("a byte", 1)
-    with pytest.raises(
-        TooLarge, match=r"a table needs 1e\+03 PB|a table needs 1 EB|a table needs .*PB"
-    ):
+    with pytest.raises(TooLarge, match=r"a table needs 1.*PB of memory; .* are free"):
         require_memory("a table", 10**18)
     assert available_memory() > 0
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
+from jaxtyping import TypeCheckError
 
 from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.rollout import rollout
@@ -205,3 +206,8 @@ def test_monte_carlo_control_refuses_a_world_without_discrete_spaces():
     world = Unbounded(plain.transition, plain.reward, plain.terminal, plain.start)
     with pytest.raises(EthogramError, match="'agent' of Unbounded observes Box"):
         MonteCarloControl(world).init()
+
+
+def test_the_tests_check_the_shapes_of_arrays():
+    with pytest.raises(TypeCheckError, match="terminal"):
+        DecisionProcess(jnp.ones((1, 1, 1)), jnp.ones((1, 1, 1)), jnp.zeros(2, bool), jnp.ones(1))

@@ -1,4 +1,4 @@
-"""The sharing world and its learners as the thesis writes them: agents in a list, tables in dicts."""
+"""The sharing world and its learners as the thesis writes them: lists of agents, dictionaries."""
 
 from dataclasses import dataclass, field
 

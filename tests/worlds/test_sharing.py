@@ -178,7 +178,8 @@ def test_the_literal_rewards_divide_by_agents_and_resources():
 def test_the_end_is_a_time_limit_unless_it_is_said_to_be_terminal(terminal):
     _, played = play(Sharing(agents=2, steps=2, terminal=terminal), [[0, 0], [0, 0]])
     (_, before), (_, last) = played
-    assert not before.terminated["agent"].any() and not before.truncated["agent"].any()
+    assert not before.terminated["agent"].any()
+    assert not before.truncated["agent"].any()
     assert (last.terminated["agent"] == terminal).all()
     assert (last.truncated["agent"] != terminal).all()
 
@@ -195,7 +196,7 @@ def test_the_packed_tally_counts_like_bincount(data):
 def test_wrong_settings_are_named():
     with pytest.raises(InvalidSettings, match=r"agents = 0: .*greater than or equal to 1"):
         Sharing(agents=0)
-    with pytest.raises(UnknownName, match="'competitve'. Did you mean 'competitive'"):
+    with pytest.raises(UnknownName, match=r"'competitve'\. Did you mean 'competitive'"):
         Sharing(scenario="competitve")
 
 

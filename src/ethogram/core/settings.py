@@ -14,6 +14,8 @@ from functools import cache
 from typing import Any, TypeVar, cast, dataclass_transform
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import pydantic
 from jax import Array
 
@@ -44,12 +46,18 @@ def setting(
     Args:
         default: the value when nothing is said.
         allowed: the type, with bounds, as pydantic reads it.
-        static: a size or a name, part of the compiled program; else a number that may be swept.
-        converter: turns a checked value into the array that the program computes with.
+        static: a size or a name, part of the compiled program; else a number, kept as an array
+            so that it may be swept and so that another value needs no other program.
+        converter: checks a value and turns it into the array that the program computes with.
 
     """
-    keywords = {} if converter is None else {"converter": converter}
-    return eqx.field(default=default, static=static, metadata={"setting": allowed}, **keywords)
+    if static:
+        return eqx.field(default=default, static=True, metadata={"setting": allowed})
+    return eqx.field(
+        default=default,
+        converter=converter or jnp.asarray,
+        metadata={"setting": allowed, "checked by converter": converter is not None},
+    )
 
 
 @cache
@@ -68,15 +76,20 @@ def settings_of(owner: type, *, omit: tuple[str, ...] = ()) -> Any:
 
 
 def check_settings(owner: Any) -> None:
-    """Raise `InvalidSettings` naming every plain value out of bounds; arrays pass as they are."""
+    """Raise `InvalidSettings` naming every single value out of bounds; swept ones pass."""
     complaints = []
     for field in dataclasses.fields(owner):
+        if "setting" not in field.metadata or field.metadata.get("checked by converter"):
+            continue
         value = getattr(owner, field.name)
-        if "setting" in field.metadata and isinstance(value, bool | int | float | str):
-            try:
-                pydantic.TypeAdapter(field.metadata["setting"]).validate_python(value, strict=True)
-            except pydantic.ValidationError as error:
-                reason = error.errors()[0]["msg"]
-                complaints.append(f"{field.name} = {value!r}: {reason}")
+        if isinstance(value, Array):
+            if isinstance(value, jax.core.Tracer) or value.ndim > 0:
+                continue
+            value = value.item()
+        try:
+            pydantic.TypeAdapter(field.metadata["setting"]).validate_python(value, strict=True)
+        except pydantic.ValidationError as error:
+            reason = error.errors()[0]["msg"]
+            complaints.append(f"{field.name} = {value!r}: {reason}")
     if complaints:
         raise InvalidSettings(f"{type(owner).__name__}: " + "; ".join(complaints))

@@ -25,7 +25,7 @@ class Schedule(eqx.Module):
 class Constant(Schedule):
     """The same value throughout."""
 
-    value: Number
+    value: Number = eqx.field(converter=jnp.asarray)
 
     def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
         """The value, whatever the episode."""
@@ -47,9 +47,9 @@ class ExponentialDecay(Schedule):
 class LinearDecay(Schedule):
     """From start to end in equal steps over a number of episodes, then end."""
 
-    start: Number
-    end: Number
-    episodes: Number
+    start: Number = eqx.field(converter=jnp.asarray)
+    end: Number = eqx.field(converter=jnp.asarray)
+    episodes: Number = eqx.field(converter=jnp.asarray)
 
     def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
         """The interpolated value."""

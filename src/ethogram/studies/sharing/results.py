@@ -107,10 +107,13 @@ def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
 def steps_to_optimum(data: xr.Dataset, condition: Condition) -> np.ndarray:
     """The first step from which, up to step 10, the displacement stays close to the optimum.
 
-    Counted from step 2, since nobody can be active at step 1; 11 where it never is.
+    Counted from step 2, since nobody can be active at step 1; 11 where it never is; undefined
+    in episodes of one step.
     """
     best = best_displacement(data.attrs["agents"], data.attrs["resources"], condition.scenario)
     shown = data["displacement"].values[:, 1:SHOWN]
+    if shown.shape[1] == 0:
+        return np.full(len(shown), np.nan)
     close = np.abs(shown - best) <= CLOSE * data.attrs["agents"]
     staying = np.logical_and.accumulate(close[:, ::-1], 1)[:, ::-1]
     return np.where(staying.any(1), 2 + staying.argmax(1), 2 + shown.shape[1])

@@ -65,7 +65,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         learned,
         fold_in(keys, 1),
         settings.validation_episodes,
-        1.0 if settings.strategy == "random" else 0.0,
+        jnp.float32(settings.strategy == "random"),
     )
     watched = jax.tree.map(np.asarray, watched)
     first = jax.tree.map(lambda part: part[0], watched.first)
@@ -117,7 +117,7 @@ def _watch(
     learned: Learned,
     keys: Key[Array, "trials"],
     episodes: int,
-    epsilon: float | Array,
+    epsilon: Float[Array, ""],
 ) -> Watched:
     """Validate every trial, one after the other to keep memory low."""
     world = learner.world

@@ -1,0 +1,258 @@
+import json
+
+import hypothesis.strategies as st
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+
+from ethogram.campaign.context import Context
+from ethogram.core.errors import EthogramError
+from ethogram.core.rollout import Transition
+from ethogram.core.scene import Scene
+from ethogram.core.world import Outcome
+from ethogram.studies import sharing as study
+from ethogram.studies.sharing import results as measure
+from ethogram.studies.sharing.plan import Condition, Settings
+from ethogram.studies.sharing.run import ACTS, inequality, summarise
+from ethogram.worlds.sharing import Sharing, State
+
+
+def run(*changes):
+    """Records of the smoke plan with changes."""
+    cases = study.cases(study.PLANS["smoke"].override(changes))
+    return {case.name: study.run(case, Context()) for case in cases}
+
+
+@pytest.fixture(scope="module")
+def records():
+    """Two trials of always-communication, learned for a while; compiled once for six settings."""
+    return run("strategy=always", "world.observe_filling=false", "episodes=3000", "trials=3")
+
+
+def test_the_thesis_plan_is_table_3_1():
+    cases = study.cases(study.PLANS["thesis"])
+    assert len({case.name for case in cases}) == 24
+    for case in cases:
+        settings = case.parsed(Settings)
+        assert (settings.trials, settings.episodes, settings.validation_episodes) == (
+            20,
+            20_000,
+            100,
+        )
+        world, learner, explore = settings.world, settings.learner, settings.exploration
+        assert (world.agents, world.resources, world.steps) == (10, 2, 100)
+        assert (learner.rate, learner.discount) == (0.1, 0.9)
+        assert (explore.start, explore.end, explore.decay) == (1.0, 0.01, 0.9995)
+
+
+def test_cooperating_learners_reach_the_99_of_table_3_2(records):
+    table = study.tables(records)[0]
+    assert (table.name, table.columns[2]) == ("table-3-2", "filling hidden")
+    cell = next(row[2] for row in table.rows if row[:2] == ("cooperative", "always"))
+    assert cell.value == pytest.approx(99.0)
+    assert cell.published == 99.0
+
+
+def test_learning_pays(records):
+    groups = records["cooperative-always-hidden"]
+    curve = groups["results"]["training_return"].mean("trial")
+    assert curve[-1] > curve[0] + 20
+
+
+def test_a_scene_of_an_episode_is_kept(records):
+    scene = Scene.from_dataset(records["mixed-always-hidden"]["scene"])
+    first = records["mixed-always-hidden"]["results"]["validation_return"][0, 0]
+    np.testing.assert_allclose(scene.series["return"][-1], first, rtol=1e-5)
+
+
+def test_what_was_not_run_is_said_to_be_not_run(records):
+    assert {claim.number for claim in study.claims(records)} == set(range(1, 10))
+    assert all(claim.verdict == "not run" for claim in study.claims(records))
+    assert "none, cooperative, filling hidden" in study.claims(records)[0].note
+
+
+def test_without_records_there_is_nothing_to_draw_and_nothing_to_judge():
+    assert study.figures({}) == []
+    assert {claim.verdict for claim in study.claims({})} == {"not run"}
+    assert all(row[2] is None for row in study.tables({})[0].rows)
+
+
+def test_figures_show_every_condition_that_there_is(records):
+    figures = {figure.name: figure for figure in study.figures(records)}
+    assert set(figures) == {f"figure-3-{number}" for number in range(1, 7)}
+    shown = {row[:3] for row in figures["figure-3-2"].data.rows}
+    scenarios = ("cooperative", "competitive", "mixed")
+    assert shown == {(scenario, "hidden", "always") for scenario in scenarios}
+
+
+def test_validation_is_reduced_as_by_hand():
+    # one episode of three steps, two agents: rows are steps
+    preference = jnp.array([[[1, 2], [1, 1], [1, 1]]])
+    spoke = jnp.array([[[True, False], [True, True], [False, True]]])
+    place = jnp.array([[[0, 0], [1, 0], [1, 1]]])
+    reward = jnp.array([[[0.0, 0.0], [0.5, 0.0], [1.0, 1.0]]])
+    filling = jnp.array([[[0, 0], [1, 0], [2, 0]]])
+    none = {"agent": jnp.zeros((1, 3, 2), bool)}
+    played = Transition(
+        observation={},
+        action={},
+        outcome=Outcome({}, {"agent": reward}, none, none, {"filling": filling}),
+        state=State(place, preference, spoke, jnp.arange(1, 4)),
+        last=jnp.array([False, False, True]),
+    )
+    watched = summarise(played, Sharing(agents=2, steps=3))
+    np.testing.assert_allclose(watched.return_, [[1.5, 1.0]])
+    np.testing.assert_allclose(watched.displacement, [2, 1, 2])  # |rho - 1| summed
+    np.testing.assert_allclose(watched.communication, [0.5, 1, 0.5])
+    np.testing.assert_allclose(watched.reward, [0, 0.25, 1])
+    assert ACTS == ("confirm, silent", "confirm, speaking", "change, silent", "change, speaking")
+    by_hand = [[0, 0, 0.5, 0.5], [0, 0.5, 0, 0.5], [0.5, 0.5, 0, 0]]
+    np.testing.assert_allclose(watched.acts, by_hand)
+
+
+def test_inequality_is_the_sample_deviation_over_agents():
+    np.testing.assert_allclose(inequality(np.array([[1.0, 3.0], [2.0, 2.0]])), [2**0.5, 0])
+    np.testing.assert_array_equal(inequality(np.ones((3, 1))), [0, 0, 0])
+
+
+def displacements(*trials):
+    attrs = {"agents": 10, "resources": 2}
+    return xr.Dataset({"displacement": (("trial", "step"), np.array(trials))}, attrs=attrs)
+
+
+def test_the_optimum_counts_from_the_step_from_which_the_displacement_stays_close():
+    data = displacements(
+        [10, 4, 0.4, 0, 0, 0, 0, 0, 0, 0, 9],
+        [10, 0, 3, 0, 0, 0, 0, 0, 0, 0.6, 0],
+        [10, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+    )
+    steps = measure.steps_to_optimum(data, Condition("mixed", "always", True))
+    np.testing.assert_array_equal(steps, [3, 11, 2])
+    np.testing.assert_allclose(measure.unsettled(data, None), [-9, 0.6, 0])
+
+
+@pytest.mark.parametrize(
+    ("agents", "resources", "scenario", "best"),
+    [(10, 2, "cooperative", 10), (10, 2, "mixed", 0), (10, 3, "competitive", 4 / 3)],
+)
+def test_the_best_displacement_is_all_together_or_as_even_as_can_be(
+    agents, resources, scenario, best
+):
+    assert measure.best_displacement(agents, resources, scenario) == pytest.approx(best)
+
+
+def test_a_checkpoint_goes_on_to_the_same_record():
+    case = study.cases(
+        study.PLANS["smoke"].override(
+            ["world.scenario=mixed", "strategy=none", "world.observe_filling=true"]
+        )
+    )[0]
+    saved = []
+
+    class Interrupted(Context):
+        def __init__(self, found):
+            super().__init__()
+            self.found = found
+
+        def restore(self):
+            return None if self.found is None else dict(self.found)
+
+        def checkpoint(self, make):
+            saved.append(make())
+
+    whole = study.run(case, Interrupted(None))["results"]
+    after_two_of_three_points = saved[1]
+    resumed = study.run(case, Interrupted(after_two_of_three_points))["results"]
+    assert len(saved) == 4  # the second run had one point left
+    xr.testing.assert_identical(whole, resumed)
+
+
+# what fixes a compiled program: drawn freely in the slow test, from a few in the fast one
+SHAPES = {
+    "world.agents": st.sampled_from([1, 3]),
+    "world.resources": st.sampled_from([1, 2]),
+    "world.steps": st.sampled_from([1, 12]),
+    "world.observe_filling": st.booleans(),
+    "world.reward": st.sampled_from(["scaled", "literal"]),
+    "world.terminal": st.booleans(),
+    "strategy": st.sampled_from(["always", "optional", "none", "random"]),
+    "episodes": st.integers(1, 5),
+    "validation_episodes": st.integers(1, 3),
+    "record_every": st.integers(1, 7),
+    "trials": st.integers(1, 2),
+}
+FEW_SHAPES = st.sampled_from(
+    [
+        {"world.agents": 3, "world.steps": 12, "record_every": 2},
+        {"world.agents": 1, "world.resources": 1, "world.steps": 1, "trials": 1},
+        {"strategy": "optional", "world.terminal": True, "world.reward": "literal"},
+        {"strategy": "none", "record_every": 1, "validation_episodes": 1},
+    ]
+)
+NUMBERS = {
+    "world.scenario": st.sampled_from(["cooperative", "mixed"]),
+    "learner.rate": st.floats(0, 1),
+    "learner.discount": st.floats(0, 1),
+    "exploration.start": st.floats(0, 1),
+    "exploration.end": st.floats(0, 1),
+    "exploration.decay": st.floats(0, 1),
+    "seed": st.integers(0, 2**32 - 1),
+}
+ODD = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=8),
+    st.lists(st.integers()),
+)
+KEYS = sorted([*SHAPES, *NUMBERS])
+WRONG = st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=12), ODD, min_size=1, max_size=3)
+
+
+def fuzz(examples, shapes):
+    """Run that many drawn settings; returns how many ran and how many were refused."""
+    outcomes = {"ran": 0, "refused": 0}
+    numbers = st.fixed_dictionaries({}, optional=NUMBERS)
+    valid = st.builds(lambda shape, numbers: shape | numbers, shapes, numbers)
+
+    @settings(max_examples=examples)
+    @given(changes=st.one_of(valid, valid, WRONG))
+    def attempt(changes):
+        written = [f"{key}={_written(value)}" for key, value in changes.items()]
+        plan = study.PLANS["smoke"]
+        try:
+            # a user may say anything; the first condition stands for the others
+            case = study.cases(plan.override(["episodes=2", *written]))[0]
+            price = study.cost(case)
+        except EthogramError:
+            outcomes["refused"] += 1
+            return
+        if price.seconds > 10 or price.bytes > 1e9:
+            return  # valid, but too much for a test
+        groups = study.run(case, Context())
+        assert np.isfinite(groups["results"]["validation_return"]).all()
+        study.claims({case.name: groups})
+        outcomes["ran"] += 1
+
+    attempt()
+    return outcomes
+
+
+def _written(value):
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def test_drawn_settings_run_or_are_refused_with_a_message():
+    outcomes = fuzz(50, FEW_SHAPES)
+    assert outcomes["ran"] >= 50 / 3
+    assert outcomes["refused"] > 0
+
+
+@pytest.mark.slow
+def test_many_drawn_settings_run_or_are_refused_with_a_message():
+    outcomes = fuzz(500, st.fixed_dictionaries({}, optional=SHAPES))
+    assert outcomes["ran"] >= 500 / 3
+    assert outcomes["refused"] > 0
