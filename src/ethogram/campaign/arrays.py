@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file can say
 _STORABLE = "biufcSUmM"  # kinds of dtype that npz holds without pickle and without loss
 
+Record = dict[str, xr.Dataset]  # groups: "results", and scenes for replays
 Layout = dict[str, Any]  # per group: its attributes; per variable: dimensions, attributes, role
 
 
-def pack(record: Mapping[str, xr.Dataset]) -> tuple[bytes, Layout]:
+def pack(record: Record) -> tuple[bytes, Layout]:
     """The bytes of all arrays of a record, and the layout that makes them labelled again."""
     arrays = {
         f"{group}/{name}": _storable(f"{group}/{name}", variable.values)
@@ -31,7 +32,7 @@ def pack(record: Mapping[str, xr.Dataset]) -> tuple[bytes, Layout]:
     return _npz(arrays), layout
 
 
-def unpack(data: bytes, layout: Layout) -> dict[str, xr.Dataset]:
+def unpack(data: bytes, layout: Layout) -> Record:
     """The record that `pack` was given."""
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         return {

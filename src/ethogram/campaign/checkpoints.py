@@ -31,7 +31,8 @@ class Checkpoints:
         path = self._folder / f"{self._case_id}.{sha256(data)}.safetensors"
         earlier = [found for found in self._found() if found != path]
         files.write_whole(path, data, owner=self._case_id)
-        _remove(earlier)
+        for found in earlier:
+            files.remove(found)
 
     def restore(self) -> tuple[Arrays | None, list[str]]:
         """The newest whole checkpoint, if any, and what was wrong with newer ones."""
@@ -45,14 +46,9 @@ class Checkpoints:
 
     def clear(self) -> None:
         """Remove the checkpoint: the record is in place."""
-        _remove(self._found())
+        for found in self._found():
+            files.remove(found)
 
     def _found(self) -> list[Path]:
         found = self._folder.glob(f"{self._case_id}.*.safetensors")
         return sorted(found, key=lambda path: path.stat().st_mtime_ns, reverse=True)
-
-
-def _remove(paths: list[Path]) -> None:
-    for path in paths:
-        with files.storing(path):
-            path.unlink(missing_ok=True)

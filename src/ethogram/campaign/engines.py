@@ -1,6 +1,5 @@
 """Where cases are computed: one after another in this process, or side by side in several."""
 
-import os
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from ethogram.campaign.case import Case
 from ethogram.campaign.run import Receipt, give_up, run_case
 from ethogram.campaign.store import Store
 from ethogram.campaign.study import Study
+from ethogram.campaign.threads import limit_threads
 from ethogram.campaign.workers import (
     Loss,
     Message,
@@ -21,9 +21,6 @@ from ethogram.campaign.workers import (
 from ethogram.core.errors import EthogramError, UnknownName
 
 ATTEMPTS = 3  # at a case whose worker is killed each time
-
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NPROC": "1"}
-_ONE_XLA_THREAD = "--xla_cpu_multi_thread_eigen=false"
 
 
 @dataclass(frozen=True)
@@ -69,17 +66,6 @@ def engine_named(name: str) -> Engine:
     if name not in ENGINES:
         raise UnknownName("engine", name, ENGINES)
     return ENGINES[name]
-
-
-def limit_threads() -> None:
-    """Give numerical libraries one thread, before they start: the same numbers in every engine.
-
-    Cases run side by side, so that more threads would only get into each other's way.
-    """
-    os.environ.update(_ONE_THREAD)
-    flags = os.environ.get("XLA_FLAGS", "").split()
-    if _ONE_XLA_THREAD not in flags:
-        os.environ["XLA_FLAGS"] = " ".join([*flags, _ONE_XLA_THREAD])
 
 
 class _Crew:

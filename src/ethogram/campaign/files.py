@@ -56,6 +56,12 @@ def read(path: Path) -> bytes | None:
         raise StorageError(f"Cannot read {path}: {error.strerror or error}.") from error
 
 
+def remove(path: Path) -> None:
+    """Remove a file, if it is there."""
+    with storing(path):
+        path.unlink(missing_ok=True)
+
+
 def temporaries(folder: Path) -> Iterator[tuple[str, Path]]:
     """What writers left behind in a folder or are writing now, each with its owner's lock."""
     for path in sorted(folder.glob("*.tmp")):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ethogram.campaign.case import Case, Cost
-from ethogram.campaign.engines import Engine, Job
+from ethogram.campaign.engines import Engine, Job, inline
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now
 from ethogram.campaign.run import Receipt
@@ -68,8 +68,12 @@ def survey(study: Study, plan: Plan[Any], folder: Path) -> list[Prospect]:
     return [Prospect(case, store.state(case.id), study.cost(case)) for case in cases]
 
 
-def crew_size(to_do: Sequence[Prospect]) -> int:
-    """How many cases to compute at once: as many as there are cores, and memory for."""
+def crew_size(engine: Engine, to_do: Sequence[Prospect], workers: int | None = None) -> int:
+    """How many cases are computed at once: by default as many as there are cores and memory for."""
+    if engine is inline:
+        return 1
+    if workers is not None:
+        return workers
     largest = max((prospect.cost.bytes for prospect in to_do), default=0)
     fitting = available_memory() // max(largest, 1)
     return max(1, min(_cores(), len(to_do), fitting))
@@ -102,7 +106,7 @@ def launch(
             to_do.append(prospect)
         elif prospect.to_do:
             to_do.append(prospect)
-    crew = workers or crew_size(to_do)
+    crew = crew_size(engine, to_do, workers)
     monitor.begin(study, len(prospects), to_do, crew)
     cases = [prospect.case for prospect in to_do]
     busy = _compute(engine, Job(study, store, wait=False), cases, crew, monitor)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ethogram.campaign.case import Case
-from ethogram.campaign.checkpoints import Checkpoints
 from ethogram.campaign.context import Context
 from ethogram.campaign.files import StorageError
 from ethogram.campaign.provenance import now
@@ -38,7 +37,7 @@ def run_case(
     with store.lock(case.id, wait=wait) as held:
         if not held:
             return Receipt(case_id=case.id, state="busy")
-        store.clear_temporaries(case.id)
+        store.clear(case.id)
         notes = [f"{note} It is set aside." for note in store.set_aside_damaged(case.id)]
         if store.manifest(case.id) is None and store.failure(case.id) is None:
             notes += _compute(study, store, case, report)
@@ -54,16 +53,15 @@ def run_case(
 def give_up(store: Store, case: Case, reason: str) -> Receipt:
     """Record that a case failed in a way that its own process could not record."""
     with store.lock(case.id, wait=True):
-        store.save_failure(
-            Failure(case=case, error=reason, traceback=reason, started=now(), seconds=0.0)
-        )
+        failure = Failure(case=case, error=reason, traceback=reason, started=now(), seconds=0.0)
+        store.save_failure(failure)
     return Receipt(case_id=case.id, state="failed", error=reason)
 
 
 def _compute(study: Study, store: Store, case: Case, report: Callable[[float], None]) -> list[str]:
     """Run the study on a case and store what comes of it; returns notes for the user."""
     started, clock = now(), time.monotonic()
-    checkpoints = Checkpoints(store.folder / "checkpoints", case.id)
+    checkpoints = store.checkpoints(case.id)
     context = Context(report, checkpoints)
     try:
         record = study.run(case, context)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +13,7 @@ from pydantic import TypeAdapter
 from ethogram.campaign.arrays import Layout
 from ethogram.campaign.case import Case
 from ethogram.campaign.provenance import machine, versions
-from ethogram.campaign.trees import canonical
+from ethogram.campaign.trees import Tree, assign, canonical
 from ethogram.core.errors import EthogramError
 
 FORMAT = 1  # of the files below; raised when an older Ethogram could not read them
@@ -41,9 +42,9 @@ class Manifest:
     machine: str = field(default_factory=machine)
 
     @property
-    def identity(self) -> tuple[str, Layout, str]:
-        """What a digest covers: the case and all its data, not when and where it was computed."""
-        return self.case.id, self.layout, self.arrays
+    def identity(self) -> str:
+        """A hash of the case and all its data, not of when and where it was computed."""
+        return sha256(canonical([self.case.id, self.layout, self.arrays]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +74,14 @@ class PlannedRun:
     cases: tuple[tuple[str, str], ...]  # name and id
     command: str
     started: str
+
+    @property
+    def varied_settings(self) -> Tree:
+        """The settings, with all the values along an axis where one stands for them."""
+        settings = deepcopy(dict(self.settings))
+        for key, values in self.grid.items():
+            assign(settings, key, list(values))
+        return settings
 
 
 def sha256(data: bytes) -> str:

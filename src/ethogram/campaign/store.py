@@ -4,16 +4,16 @@ A record is an array file named by the hash of its bytes, and a manifest named b
 manifest is put in place last and is the only commit point.  `docs/store.md` lists the promises.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Literal, TypeVar
 from uuid import uuid4
 
-import xarray as xr
-
 from ethogram.campaign import arrays, files
+from ethogram.campaign.arrays import Record
 from ethogram.campaign.case import Case
+from ethogram.campaign.checkpoints import Checkpoints
 from ethogram.campaign.sealed import (
     Damaged,
     Failure,
@@ -67,12 +67,12 @@ class Store:
             raise Damaged(path, "it describes another case")
         return manifest
 
-    def load(self, case_id: str) -> dict[str, xr.Dataset] | None:
-        """The data of a record, or None where there is none."""
+    def load(self, case_id: str) -> tuple[Record, Manifest] | None:
+        """A record with its description, or None where there is none."""
         manifest = self.manifest(case_id)
         if manifest is None:
             return None
-        return arrays.unpack(self._read_arrays(manifest), manifest.layout)
+        return arrays.unpack(self._read_arrays(manifest), manifest.layout), manifest
 
     def failure(self, case_id: str) -> Failure | None:
         """The failure record of a case, or None where there is none."""
@@ -92,9 +92,7 @@ class Store:
         """Hold the lock of a case; False at once when another process has it, unless waiting."""
         return files.locked(self.folder / "locks" / f"{owner}.lock", wait=wait)
 
-    def save(
-        self, case: Case, record: Mapping[str, xr.Dataset], *, started: str, seconds: float
-    ) -> None:
+    def save(self, case: Case, record: Record, *, started: str, seconds: float) -> None:
         """Put a record in place: first its arrays, then the manifest that makes it exist."""
         data, layout = arrays.pack(record)
         manifest = Manifest(
@@ -102,7 +100,6 @@ class Store:
         )
         files.write_whole(self._arrays_path(manifest), data, owner=case.id)
         files.write_once(self._manifest_path(case.id), seal(manifest), owner=case.id)
-        self.forget_failure(case.id)
 
     def save_failure(self, failure: Failure) -> None:
         """Put a failure record in place."""
@@ -111,9 +108,11 @@ class Store:
 
     def forget_failure(self, case_id: str) -> None:
         """Let the next run try a case again."""
-        path = self._failure_path(case_id)
-        with files.storing(path):
-            path.unlink(missing_ok=True)
+        files.remove(self._failure_path(case_id))
+
+    def checkpoints(self, case_id: str) -> Checkpoints:
+        """The checkpoint of a case whose lock we hold."""
+        return Checkpoints(self.folder / "checkpoints", case_id)
 
     def save_planned_run(self, planned: PlannedRun) -> None:
         """Say what is being asked for, before the first case."""
@@ -123,18 +122,20 @@ class Store:
     # -- care ---------------------------------------------------------------------------------
 
     def sweep(self) -> None:
-        """Remove what killed writers left half written; what a live one writes is locked."""
-        for owner in {owner for owner, _ in self._temporaries()}:
+        """Remove what killed writers left behind; what a live one needs is locked."""
+        halves = {owner for owner, _ in self._temporaries()}
+        for owner in halves | self._checkpointed().intersection(self.case_ids()):
             with self.lock(owner, wait=False) as held:
                 if held:
-                    self.clear_temporaries(owner)
+                    self.clear(owner)
 
-    def clear_temporaries(self, owner: str) -> None:
-        """Remove the half-written files of a case whose lock we hold."""
+    def clear(self, owner: str) -> None:
+        """Remove half-written files of a case whose lock we hold, and a checkpoint past its use."""
         for found, path in self._temporaries():
             if found == owner:
-                with files.storing(path):
-                    path.unlink(missing_ok=True)
+                files.remove(path)
+        if self._manifest_path(owner).exists():
+            self.checkpoints(owner).clear()
 
     def set_aside_damaged(self, case_id: str) -> list[str]:
         """Move damaged files of a case, whose lock we hold, out of the way; says which."""
@@ -155,6 +156,10 @@ class Store:
     def _set_aside(self, path: Path) -> None:
         with files.storing(path), suppress(FileNotFoundError):
             path.rename(self.folder / "damaged" / f"{path.name}.{uuid4().hex[:8]}")
+
+    def _checkpointed(self) -> set[str]:
+        """The cases that have a checkpoint."""
+        return {path.name.partition(".")[0] for path in (self.folder / "checkpoints").iterdir()}
 
     def _temporaries(self) -> Iterator[tuple[str, Path]]:
         yield from files.temporaries(self.folder)

@@ -3,14 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-import xarray as xr
-
+from ethogram.campaign.arrays import Record
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.campaign.plan import Plan
 from ethogram.core.findings import Claim, Figure, Table
 
-Record = dict[str, xr.Dataset]  # groups: "results", and a "scene-..." each for replays
 Records = Mapping[str, Record]  # by the case's name, in the plan's order; missing ones are absent
 
 

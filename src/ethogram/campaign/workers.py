@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import connection
+from multiprocessing import connection, resource_tracker
 from multiprocessing.connection import Connection
 from types import ModuleType
 
@@ -143,8 +143,10 @@ def _die_with_parent() -> None:
 def _interrupts_held_back() -> Iterator[None]:
     """Start a process that never sees Ctrl-C; the terminal sends it to all of them at once.
 
-    A new process inherits the signals that are blocked in the thread that starts it.
+    A new process inherits the signals that are blocked in the thread that starts it.  The process
+    that tracks resources is started first, since starting it unblocks them.
     """
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

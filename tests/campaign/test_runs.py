@@ -1,0 +1,299 @@
+"""Runs of a plan: resumed, failed and tried again, shared between processes, interrupted."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+from tests.campaign import faults, toy
+from tests.campaign.processes import (
+    REFUSED,
+    Recorder,
+    ended,
+    run_toy,
+    start_child,
+    start_command,
+    toy_in_child,
+    toy_with_small_files_only,
+    until,
+)
+
+from ethogram.campaign import context
+from ethogram.campaign.context import Context
+from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
+from ethogram.campaign.launch import crew_size, survey
+from ethogram.campaign.results import digest
+from ethogram.campaign.store import Store
+from ethogram.core.errors import EthogramError, UnknownName
+
+BIG = "walk.steps=900"  # a record of more than 8 kB
+
+
+@pytest.fixture
+def mishaps(tmp_path, monkeypatch):
+    """Makes cases of the toy go wrong: `mishaps("b", "raise")`."""
+    folder = tmp_path / "mishaps"
+    folder.mkdir()
+    monkeypatch.setenv("TOY_MISHAPS", str(folder))
+    monkeypatch.setenv("TOY_LOG", str(tmp_path / "log"))
+
+    def add(letter, *kinds):
+        for number, kind in enumerate(kinds):
+            (folder / f"{letter}.{number}.{kind}").touch()
+
+    add.happened = lambda: not list(folder.iterdir())
+    add.computed = lambda: (tmp_path / "log").read_text().split()
+    return add
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """The digest of an undisturbed run."""
+    folder = tmp_path_factory.mktemp("expected")
+    run_toy(folder)
+    return digest(folder)
+
+
+def test_inline_and_pool_give_the_same_digest(expected, tmp_path):
+    run_toy(tmp_path, engine=pool)
+    assert digest(tmp_path) == expected
+
+
+def test_order_and_company_of_cases_leave_the_digest_the_same(expected, tmp_path):
+    for letters in ("c,b", "a"):
+        run_toy(tmp_path, f"letter={letters}")
+    assert digest(tmp_path) == expected
+
+
+def test_a_second_run_computes_nothing(tmp_path, mishaps):
+    run_toy(tmp_path)
+    monitor = Recorder()
+    assert run_toy(tmp_path, monitor=monitor).stored == 3
+    assert monitor.to_do == []
+    assert mishaps.computed() == ["a", "b", "c"]
+
+
+def test_the_monitor_hears_of_every_case(tmp_path, monkeypatch):
+    monkeypatch.setattr(context, "_PROGRESS_SECONDS", 0.0)
+    monitor = Recorder()
+    run_toy(tmp_path, monitor=monitor)
+    assert monitor.to_do == list(monitor.receipts) == ["a", "b", "c"]
+    assert monitor.fractions == pytest.approx([1 / 3, 2 / 3, 1] * 3)
+
+
+@pytest.mark.parametrize("engine", [inline, pool])
+def test_a_case_that_fails_is_recorded_and_the_run_goes_on(engine, tmp_path, mishaps):
+    mishaps("b", "raise")
+    summary = run_toy(tmp_path, engine=engine)
+    assert summary.stored == 2
+    assert summary.failures == (("b", "ValueError: a toy broke"),)
+    store = Store(tmp_path / "toy")
+    failure = store.failure(toy.cases(toy.PLANS["smoke"])[1].id)
+    assert "Traceback" in failure.traceback
+    assert "in two" in failure.traceback
+
+
+def test_a_refusal_by_the_study_is_recorded_in_its_own_words(tmp_path, mishaps):
+    mishaps("b", "refuse")
+    assert run_toy(tmp_path).failures == (("b", "The toy is too large."),)
+
+
+def test_a_failed_case_is_not_tried_again_unless_asked(expected, tmp_path, mishaps):
+    mishaps("b", "raise")
+    run_toy(tmp_path)
+    assert run_toy(tmp_path).failures != ()
+    assert mishaps.computed() == ["a", "b", "c"]
+    summary = run_toy(tmp_path, retry_failed=True)
+    assert summary.failures == ()
+    assert mishaps.computed() == ["a", "b", "c", "b"]
+    assert digest(tmp_path) == expected
+
+
+def test_a_case_that_fails_again_stays_a_failure(tmp_path, mishaps):
+    mishaps("b", "raise", "refuse")
+    run_toy(tmp_path)
+    summary = run_toy(tmp_path, retry_failed=True)
+    assert summary.failures == (("b", "The toy is too large."),)
+
+
+def test_the_case_of_a_killed_worker_is_run_again(expected, tmp_path, mishaps):
+    mishaps("b", *["die"] * (ATTEMPTS - 1))
+    summary = run_toy(tmp_path, engine=pool, workers=2)
+    assert summary.failures == ()
+    assert digest(tmp_path) == expected
+    assert mishaps.computed().count("b") == ATTEMPTS
+
+
+def test_a_case_whose_worker_is_killed_each_time_fails_and_says_so(tmp_path, mishaps):
+    mishaps("b", *["die"] * ATTEMPTS)
+    mishaps("c", *["exit"] * ATTEMPTS)
+    summary = run_toy(tmp_path, engine=pool, workers=2)
+    assert summary.stored == 1
+    failures = dict(summary.failures)
+    assert failures["b"] == "Its worker process ended 3 times, last with signal 9: out of memory?"
+    assert failures["c"] == "Its worker process ended 3 times, last with exit code 3"
+
+
+def test_a_killed_case_goes_on_from_its_checkpoint(expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(context, "CHECKPOINT_SECONDS", 0.0)
+    case, seen = toy.cases(toy.PLANS["smoke"])[0], []
+
+    class Stopped(BaseException):
+        """Ends a case as a kill would."""
+
+    class StoppedContext(Context):
+        def progress(self, done, total):
+            del total
+            seen.append(done)
+            if seen == [1, 2]:
+                raise Stopped
+
+    monkeypatch.setattr("ethogram.campaign.run.Context", StoppedContext)
+    with pytest.raises(Stopped):
+        run_toy(tmp_path)
+    assert len(list(tmp_path.glob(f"toy/checkpoints/{case.id}.*"))) == 1
+    run_toy(tmp_path)
+    assert seen[:4] == [1, 2, 2, 3]
+    assert digest(tmp_path) == expected
+
+
+def test_checkpoints_are_a_minute_apart(tmp_path, monkeypatch):
+    now = iter([0.0, 59.0, 60.0, 61.0, 119.0, 121.0, 122.0])
+    monkeypatch.setattr(context.time, "monotonic", lambda: next(now))
+    store = Store(tmp_path)
+    store.create()
+    made = []
+    running = Context(checkpoints=store.checkpoints("case"))
+    for _ in range(4):
+        running.checkpoint(lambda: made.append(1) or {"done": np.array(1)})
+    assert len(made) == 2
+
+
+def test_two_runs_on_one_folder_share_the_work(expected, tmp_path, mishaps):
+    nothing = {"counter": tmp_path / "steps"}
+    environment = {key: os.environ[key] for key in ("TOY_LOG", "TOY_MISHAPS")}
+    runs = [start_child(toy_in_child, tmp_path, environment, nothing) for _ in range(3)]
+    assert [ended(run) for run in runs] == [0, 0, 0]
+    assert sorted(mishaps.computed()) == ["a", "b", "c"]
+    assert digest(tmp_path) == expected
+
+
+def test_a_run_takes_over_the_case_of_another_that_is_killed(expected, tmp_path, mishaps):
+    mishaps("b", "hang")
+    environment = {key: os.environ[key] for key in ("TOY_LOG", "TOY_MISHAPS")}
+    other = start_child(toy_in_child, tmp_path, environment, {"counter": tmp_path / "steps"})
+    until(mishaps.happened)
+
+    class KillsTheOther(Recorder):
+        def note(self, text):
+            super().note(text)
+            assert list(self.receipts) == ["c"]
+            other.kill()
+
+    monitor = KillsTheOther()
+    assert run_toy(tmp_path, monitor=monitor).stored == 3
+    assert monitor.notes == ["1 cases are being computed by another run; waiting for it."]
+    assert digest(tmp_path) == expected
+
+
+def test_a_full_disk_is_one_clear_error_and_keeps_what_is_stored(tmp_path):
+    run_toy(tmp_path, "letter=a")
+    assert ended(start_child(toy_with_small_files_only, tmp_path, "letter=b", BIG)) == REFUSED
+    message = (tmp_path / "message").read_text()
+    assert message.startswith(f"Cannot store {tmp_path}")
+    assert "File too large" in message
+    assert len(list(tmp_path.glob("toy/manifests/*"))) == 1
+    assert not list(tmp_path.rglob("*.tmp"))
+    assert run_toy(tmp_path, "letter=b", BIG).stored == 1
+    run_toy(tmp_path)
+    assert len(list(tmp_path.glob("toy/manifests/*"))) == 4
+
+
+@pytest.mark.parametrize("engine", ["inline", "pool"])
+def test_ctrl_c_ends_a_run_cleanly(engine, expected, tmp_path, mishaps):
+    mishaps("b", "hang")
+    run = start_command("run", "toy", "--plan", "smoke", "--out", tmp_path, "--engine", engine)
+    until(mishaps.happened)
+    os.killpg(run.pid, signal.SIGINT)
+    _, said = run.communicate(timeout=30)
+    assert run.returncode == 130
+    assert "the same command continues from there" in said
+    assert "Traceback" not in said
+    until(lambda: not alive(run.pid))
+    run_toy(tmp_path)
+    assert digest(tmp_path) == expected
+
+
+def test_workers_die_with_a_parent_that_is_killed(tmp_path, mishaps):
+    mishaps("b", "hang")
+    run = start_command("run", "toy", "--plan", "smoke", "--out", tmp_path, "--engine", "pool")
+    until(mishaps.happened)
+    run.kill()
+    run.communicate(timeout=30)
+    until(lambda: not alive(run.pid))
+
+
+def alive(group):
+    """Whether any process of a group is there still."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_a_full_disk_in_a_worker_ends_the_run_with_one_message(tmp_path):
+    counter = tmp_path / "steps"
+    run = start_command(
+        *("run", "toy", "--plan", "smoke", "--out", tmp_path / "out"),
+        **{"FAULT_COUNTER": str(counter), "FAULT_AT": "15", "FAULT_KIND": "full"},
+    )
+    _, said = run.communicate(timeout=60)
+    assert run.returncode == 2
+    assert said.count("No space left on device") == 1
+    assert "Traceback" not in said
+    assert faults.count(counter) > 15
+
+
+def test_what_was_asked_for_is_written_down(tmp_path):
+    run_toy(tmp_path, "letter=c,a", "label=x y")
+    planned = Store(tmp_path / "toy").planned_run()
+    assert [name for name, _ in planned.cases] == ["c", "a"]
+    assert planned.command == "ethogram run toy --plan smoke --set letter=c,a --set 'label=x y'"
+    assert planned.varied_settings["letter"] == ["c", "a"]
+    assert planned.varied_settings["walk"]["steps"] == 20
+
+
+def test_two_cases_of_one_name_are_refused(tmp_path):
+    with pytest.raises(EthogramError, match="same name"):
+        survey(toy, toy.Plan("p", "", toy.Settings(), {"seed": (1, 2)}), tmp_path)
+
+
+def test_a_survey_changes_nothing(tmp_path):
+    prospects = survey(toy, toy.PLANS["smoke"], tmp_path / "new")
+    assert [prospect.state for prospect in prospects] == ["missing"] * 3
+    assert not (tmp_path / "new").exists()
+
+
+def test_no_more_cases_run_at_once_than_fit_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("ethogram.campaign.launch._cores", lambda: 8)
+    prospects = survey(toy, toy.PLANS["smoke"], tmp_path)
+    for available, expected in [(10_000, 3), (2500, 2), (500, 1)]:
+        monkeypatch.setattr(
+            "ethogram.campaign.launch.available_memory", lambda size=available: size
+        )
+        assert crew_size(pool, prospects) == expected
+    assert crew_size(pool, prospects, workers=4) == 4
+    assert crew_size(inline, prospects) == 1
+
+
+def test_an_unknown_engine_is_answered_with_the_nearest():
+    with pytest.raises(UnknownName, match="'pool'"):
+        engine_named("pol")
+
+
+def test_a_context_by_hand_needs_no_store():
+    running = Context()
+    running.progress(1, 2)
+    running.checkpoint(lambda: {})
+    assert running.restore() is None

@@ -1,0 +1,229 @@
+"""The command line: what it prints, its exit codes, and one clear message for what is wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from ethogram.cli import main
+from ethogram.core.registry import Registry
+
+RUN = ("run", "toy", "--plan", "smoke", "--engine", "inline")
+
+
+@pytest.fixture(autouse=True)
+def alone_with_the_toy(monkeypatch, tmp_path):
+    """The toy is the only study and the current folder is empty."""
+    studies = Registry("study", "ethogram.studies", {"toy": "tests.campaign.toy"})
+    monkeypatch.setattr("ethogram.studies.STUDIES", studies)
+    monkeypatch.chdir(tmp_path)
+    before = dict(os.environ)
+    yield
+    os.environ.clear()
+    os.environ.update(before)
+
+
+@pytest.fixture
+def ethogram(capsys):
+    """Runs a command; gives its exit code, its output and its messages."""
+
+    def run(*arguments):
+        code = main(arguments)
+        out, said = capsys.readouterr()
+        return code, out, said
+
+    return run
+
+
+def test_help_loads_nothing_slow():
+    script = (
+        "import sys; from ethogram.cli import main; main(['--help']); main(['run', '--help']);"
+        "print({'jax', 'xarray', 'matplotlib', 'numpy', 'pydantic'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert "reproduce" in done.stdout
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
+def test_list_names_studies_plans_worlds_and_learners(ethogram):
+    code, out, _ = ethogram("list")
+    assert code == 0
+    for part in ("toy: A toy", "--plan smoke: Three walks.", "worlds: ", "learners: "):
+        assert part in out
+
+
+def test_a_run_says_what_it_does_in_plain_lines(ethogram):
+    code, out, said = ethogram(*RUN)
+    assert code == 0
+    assert out == "3 of 3 cases are stored in results.\n"
+    assert said.splitlines()[0] == "toy: computing 3 of 3 cases, 1 at a time."
+    assert said.splitlines()[-1] == "3/3 c: stored (100%)"
+    assert "\x1b" not in said
+
+
+def test_a_run_continues_from_what_is_there(ethogram):
+    ethogram(*RUN, "--set", "letter=b")
+    _, _, said = ethogram(*RUN)
+    assert "computing 2 of 3 cases" in said
+    _, _, said = ethogram(*RUN)
+    assert said == "toy: computing 0 of 3 cases.\n"
+
+
+def test_settings_are_taken_in_one_go_or_one_by_one(ethogram):
+    code, out, _ = ethogram(*RUN, "--set", "letter=a,b", "chunks=1", "--set", "seed=3")
+    assert (code, out) == (0, "2 of 2 cases are stored in results.\n")
+    planned = json.loads(Path("results/toy/plan.json").read_text())["content"]
+    assert planned["overrides"] == ["letter=a,b", "chunks=1", "seed=3"]
+
+
+def test_a_dry_run_lists_cases_time_and_memory_and_writes_nothing(ethogram):
+    code, out, _ = ethogram(*RUN, "--dry-run", "--set", "letter=a,b")
+    assert code == 0
+    assert [line.split()[:3] for line in out.splitlines()[1:3]] == [
+        ["a", "to", "do"],
+        ["b", "to", "do"],
+    ]
+    assert "1 kB" in out
+    assert out.splitlines()[-1].startswith("2 of 2 cases to do, ")
+    assert not Path("results").exists()
+
+
+def test_a_dry_run_knows_what_is_there(ethogram):
+    ethogram(*RUN, "--set", "letter=b")
+    _, out, _ = ethogram(*RUN, "--dry-run")
+    assert [line.split()[1] for line in out.splitlines()[1:4]] == ["to", "stored", "to"]
+
+
+def test_a_failure_is_listed_and_gives_exit_code_1(ethogram, monkeypatch):
+    mishaps = Path("mishaps")
+    mishaps.mkdir()
+    (mishaps / "b.raise").touch()
+    monkeypatch.setenv("TOY_MISHAPS", str(mishaps.absolute()))
+    code, out, said = ethogram(*RUN)
+    assert (code, out) == (1, "2 of 3 cases are stored in results.\n")
+    assert "b: ValueError: a toy broke" in said
+    assert "Traceback" not in said
+    code, _, said = ethogram(*RUN)
+    assert code == 1
+    assert "--retry-failed" in said
+    assert ethogram(*RUN, "--retry-failed")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["rum", "toy"], ['Did you mean "run"?']),
+        (["run"], ["STUDY"]),
+        (["run", "toi"], ["study 'toi'", "Did you mean 'toy'?"]),
+        (["run", "toy", "--plan", "smok"], ["Did you mean 'smoke'?", "single, smoke"]),
+        (["run", "toy", "--pln", "smoke"], ["--pln", "--plan"]),
+        (["run", "toy", "--engine", "pol"], ["'pol'", "Did you mean 'pool'?"]),
+        ([*RUN, "--workers", "0"], ["--workers", "1"]),
+        ([*RUN, "--workers", "two"], ["--workers", "two"]),
+        ([*RUN, "--set", "steps=3"], ["Did you mean 'walk.steps'?"]),
+        ([*RUN, "--set", "walk.style=strait"], ["strait", "Did you mean 'straight'?"]),
+        ([*RUN, "--set", "walk.steps=0", "label"], ["walk.steps = 0", "'label'", "key=value"]),
+        (["report", "resluts"], ["'resluts' is no folder", "Did you mean 'results'?"]),
+        (["digest", "results/toy"], ["holds no results", "Did you mean 'results'?"]),
+        (["claims", "."], ["holds no results"]),
+        (["reproduce", "--plan", "thesis"], ["plan of the study 'toy'", "'thesis'"]),
+    ],
+)
+def test_what_is_wrong_gets_one_clear_message_and_exit_code_2(ethogram, arguments, parts):
+    ethogram(*RUN, "--set", "letter=a", "chunks=1")
+    code, out, said = ethogram(*arguments)
+    assert (code, out) == (2, "")
+    assert said.startswith("ethogram: ")
+    for part in parts:
+        assert part in said
+
+
+@pytest.mark.parametrize("out", ["file", "file/below"])
+def test_a_folder_that_cannot_be_is_named(ethogram, out):
+    Path("file").write_text("in the way")
+    code, _, said = ethogram(*RUN, "--out", out)
+    assert code == 2
+    assert "file" in said
+    assert Path("file").read_text() == "in the way"
+
+
+def test_the_digest_is_one_line_and_the_same_anywhere(ethogram):
+    ethogram(*RUN, "--out", "one")
+    ethogram(*RUN, "--out", "two")
+    code, one, _ = ethogram("digest", "one")
+    assert code == 0
+    assert len(one.split()) == 1
+    assert one == ethogram("digest", "two")[1]
+
+
+def test_a_damaged_record_is_named_by_digest_and_report(ethogram):
+    ethogram(*RUN)
+    path = next(Path("results/toy/arrays").iterdir())
+    path.write_bytes(b"nonsense")
+    code, out, said = ethogram("digest", "results")
+    assert (code, out) == (2, "")
+    assert path.name in said
+    code, _, said = ethogram("report", "results")
+    assert code == 1
+    assert path.name in said
+    assert Path("results/index.html").exists()
+    ethogram(*RUN)
+    assert ethogram("report", "results")[0] == 0
+
+
+def test_claims_come_as_text_and_as_json(ethogram):
+    ethogram(*RUN)
+    code, text, _ = ethogram("claims", "results")
+    assert code == 0
+    assert "1. confirmed  Walks end somewhere." in text
+    assert "2. not run    Walks return." in text
+    _, out, _ = ethogram("claims", "results", "--json")
+    first, second = json.loads(out)["toy"]
+    assert first["verdict"] == "confirmed"
+    assert first["low"] == -1.0
+    assert first["high"] is None  # JSON has no infinity
+    assert second["effect"] is None
+
+
+def test_reproduce_runs_every_study_and_writes_the_report(ethogram):
+    code, out, _ = ethogram("reproduce", "--plan", "smoke", "--out", "r", "--engine", "inline")
+    assert code == 0
+    assert out.splitlines()[-1] == "r/index.html"
+    page = Path("r/report/toy.html").read_text()
+    for part in ("A toy", "Three walks.", "Walks end somewhere.", "ethogram run toy --plan smoke"):
+        assert part in page
+
+
+def test_results_of_another_version_of_a_study_are_not_shown(ethogram, monkeypatch):
+    ethogram(*RUN)
+    monkeypatch.setattr("tests.campaign.toy.VERSION", "2")
+    code, _, said = ethogram("report", "results")
+    assert code == 2
+    assert "version 1 of the study 'toy'; this is version 2" in said
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(ethogram):
+    ethogram(*RUN)
+    script = "import sys; from ethogram.cli import main; sys.exit(main(['list']))"
+    listing = subprocess.Popen([sys.executable, "-c", script], stdout=-1, stderr=-1, text=True)
+    listing.stdout.close()
+    assert listing.stderr.read() == ""
+    listing.stderr.close()
+    assert listing.wait() == 0
+
+
+words = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
+options = st.sampled_from(["--set", "--plan", "--engine", "--workers", "--retry-failed", "-", "--"])
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(words | options | st.builds("{}={}".format, words, words), max_size=5))
+def test_whatever_is_typed_gives_an_exit_code_and_no_traceback(typed):
+    assert main(["run", "toy", "--dry-run", *typed]) in (0, 2)
