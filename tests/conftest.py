@@ -8,7 +8,6 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 
 ARRAYS = (
-    "ethogram.core.rollout",
     "ethogram.learners.dynamic_programming",
     "ethogram.learners.qlearning",
     "ethogram.worlds.sharing.rows",
