@@ -134,7 +134,7 @@ class Part:
 class ClaimSpec:
     """A claim as stated before the run; it holds if all of its parts do."""
 
-    number: int
+    number: int  # unique in the study
     statement: str
     source: str
     test: str
