@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ethogram import __version__
+from ethogram.campaign.interrupts import certain_interrupts
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
@@ -72,7 +73,10 @@ AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON,
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns its exit code."""
     try:
-        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        with certain_interrupts():
+            code = app(
+                arguments, exit_on_error=False, print_error=False, result_action="return_value"
+            )
         sys.stdout.flush()
     except (CycloptsError, EthogramError) as error:
         _say(f"ethogram: {error}")

@@ -24,6 +24,7 @@ from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
 from ethogram.campaign.launch import crew_size, survey
 from ethogram.campaign.results import digest
 from ethogram.campaign.store import Store
+from ethogram.campaign.threads import limit_threads
 from ethogram.core.errors import EthogramError, UnknownName
 
 BIG = "walk.steps=900"  # a record of more than 8 kB
@@ -219,7 +220,7 @@ def test_ctrl_c_ends_a_run_cleanly(engine, expected, tmp_path, mishaps):
     assert run.returncode == 130
     assert "the same command continues from there" in said
     assert "Traceback" not in said
-    until(lambda: not alive(run.pid))
+    until(lambda: nobody_computes("b", tmp_path))
     run_toy(tmp_path)
     assert digest(tmp_path) == expected
 
@@ -230,16 +231,14 @@ def test_workers_die_with_a_parent_that_is_killed(tmp_path, mishaps):
     until(mishaps.happened)
     run.kill()
     run.communicate(timeout=30)
-    until(lambda: not alive(run.pid))
+    until(lambda: nobody_computes("b", tmp_path))
 
 
-def alive(group):
-    """Whether any process of a group is there still."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
+def nobody_computes(letter, folder):
+    """Whether the lock of a case is free, which no process that computes it lets go of."""
+    case = toy.cases(toy.PLANS["smoke"].override([f"letter={letter}"]))[0]
+    with Store(folder / "toy").lock(case.id, wait=False) as held:
+        return held
 
 
 def test_a_full_disk_in_a_worker_ends_the_run_with_one_message(tmp_path):
@@ -297,3 +296,13 @@ def test_a_context_by_hand_needs_no_store():
     running.progress(1, 2)
     running.checkpoint(lambda: {})
     assert running.restore() is None
+
+
+def test_every_engine_gives_libraries_one_thread_and_keeps_other_flags(monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_dump_to=somewhere")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    limit_threads()
+    limit_threads()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["OMP_NUM_THREADS"] == "1"
+    flags = os.environ["XLA_FLAGS"].split()
+    assert flags == ["--xla_dump_to=somewhere", "--xla_cpu_multi_thread_eigen=false"]
