@@ -147,7 +147,7 @@ def test_different_observations_have_different_rows():
 def test_too_many_observations_for_an_index_are_refused_with_their_number():
     world = Sharing(agents=60, resources=4)
     state, _ = world.reset(KEY)
-    with pytest.raises(TooLarge, match=r'e\+\d\d different things.*encoding="vector"'):
+    with pytest.raises(TooLarge, match=r'observe 10\^\d+ different things.*encoding="vector"'):
         world.step(KEY, state, {"agent": jnp.zeros(60, int)})
 
 

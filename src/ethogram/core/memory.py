@@ -1,5 +1,6 @@
 """Say no before the machine does: compare what a run needs with the memory there is."""
 
+import math
 import os
 from pathlib import Path
 
@@ -25,10 +26,17 @@ def require_memory(what: str, size: int) -> None:
         )
 
 
-def readable_bytes(size: float) -> str:
-    """A size for a person: 404 MB, 1.2 TB."""
-    for unit in ("bytes", "kB", "MB", "GB", "TB", "PB"):
-        if size < 1000 or unit == "PB":
-            break
-        size /= 1000
-    return f"{size:.3g} {unit}" if size < 1000 else f"{size:.3e} {unit}"
+def readable_bytes(size: int) -> str:
+    """A size for a person: 404 MB, 1.2 TB, 10^120 bytes."""
+    units = ("bytes", "kB", "MB", "GB", "TB", "PB")
+    thousands = 0 if size < 1 else int(math.log10(size) / 3)
+    if thousands >= len(units):
+        return f"{readable_count(size)} bytes"
+    return f"{size / 1000**thousands:.3g} {units[thousands]}"
+
+
+def readable_count(number: int) -> str:
+    """A count for a person, however large: 126,127 or 10^120."""
+    if number < 10**12:
+        return f"{number:,}"
+    return f"10^{math.floor(math.log10(number))}"

@@ -28,7 +28,7 @@ from pydantic import Field
 
 from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in
-from ethogram.core.memory import readable_bytes, require_memory
+from ethogram.core.memory import readable_bytes, readable_count, require_memory
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
@@ -224,7 +224,7 @@ class QLearning(eqx.Module):
     def _size(self) -> str:
         sizes = {role: self._sizes(role) for role in self.world.roles}
         tables = ", ".join(
-            f"{agents} {role} tables of {rows:,} x {actions}"
+            f"{agents} {role} tables of {readable_count(rows)} x {actions}"
             for role, (agents, rows, actions) in sizes.items()
         )
         return f"{self.trials} trials x {tables}"

@@ -43,7 +43,9 @@ def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
         picture = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
         yield f"{data}/{slug(figure.name)}.svg", picture
-    yield f"{data}.html", _render("study.html", page=page, data=slug(page.name), root="../")
+    for template in ("study.md", "study.html"):
+        ending = template.removeprefix("study")
+        yield f"{data}{ending}", _render(template, page=page, data=slug(page.name), root="../")
 
 
 def slug(name: str) -> str:
@@ -52,6 +54,18 @@ def slug(name: str) -> str:
     if name and plain == name:
         return name
     return f"{plain.strip('-')}-{hashlib.sha256(name.encode(errors='replace')).hexdigest()[:8]}"
+
+
+def markdown(text: object) -> Markup:
+    """Text that Markdown shows as it is, on one line."""
+    line = " ".join(str(text).split())
+    return Markup(re.sub(r"([\\`*_{}\[\]<>#|$~^!&])", r"\\\1", line))
+
+
+def code(text: object) -> Markup:
+    """Text between backticks in a Markdown table, in which neither a backtick nor a bar can be."""
+    line = " ".join(str(text).split())
+    return Markup(line.replace("`", "'").replace("|", "\\|"))
 
 
 def _refuse_twins(what: str, names: Sequence[str]) -> None:
@@ -85,6 +99,8 @@ def _environment() -> Environment:
     environment.filters |= {
         "slug": slug,
         "duration": wording.duration,
+        "markdown": markdown,
+        "code": code,
         "p_value": wording.p_value,
     }
     return environment

@@ -54,15 +54,14 @@ def joint_rows(group: Group) -> int:
     short = 1 if communication == "always" else 0  # sum(d) = n has one degree of freedom less
     if not observed:
         return comb(n_a + 2 * n_r - short, 2 * n_r - short)
-    total = 0
-    for n in range(n_a + 1):
-        settled = comb(n_a - n + n_r - 1, n_r - 1)
-        free = comb(n + n_r - short, n_r - short)
-        others = [comb(n - x + n_r - 1, n_r - 1) for x in range(n + 1)]
-        # d_j > n - x_j can fail for one j only, since x_i + x_j <= n
-        barred = sum(others[x] * comb(x - 1 + n_r - short, n_r - short) for x in range(1, n + 1))
-        total += settled * (comb(n + n_r, n_r) * free - n_r * barred)
-    return total
+    # with c, x and d free of each other, for each n
+    free = sum(
+        comb(n_a - n + n_r - 1, n_r - 1) * comb(n + n_r, n_r) * comb(n + n_r - short, n_r - short)
+        for n in range(n_a + 1)
+    )
+    # d_j > n - x_j: for one j at a time, since x_i + x_j <= n; summed by Vandermonde's identity
+    barred = n_r * comb(n_a - 1 + 3 * n_r - short, 3 * n_r - short)
+    return free - barred
 
 
 class Ranking(NamedTuple):

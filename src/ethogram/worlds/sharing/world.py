@@ -32,13 +32,16 @@ from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import TooLarge, UnknownName
+from ethogram.core.memory import readable_count
 from ethogram.core.settings import setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.worlds.sharing.reward import REWARDS, Reading, Scenario, reward_of_filling
 from ethogram.worlds.sharing.rows import Communication, Group, joint_rows, ranking
 
-Size = Annotated[int, Field(ge=1, le=1_000_000)]
+Agents = Annotated[int, Field(ge=1, le=10_000)]
+Resources = Annotated[int, Field(ge=1, le=100)]
+Steps = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class State(eqx.Module):
@@ -71,9 +74,9 @@ class Sharing(World):
     """Agents choosing among shared resources, with optional broadcast."""
 
     scenario: Int[Array, ""] = setting("cooperative", Scenario, converter=scenario_code)
-    agents: int = setting(10, Size, static=True)
-    resources: int = setting(2, Size, static=True)
-    steps: int = setting(100, Size, static=True)
+    agents: int = setting(10, Agents, static=True)
+    resources: int = setting(2, Resources, static=True)
+    steps: int = setting(100, Steps, static=True)
     communication: Communication = setting("optional", Communication, static=True)
     observe_filling: bool = setting(True, bool, static=True)
     reward: Reading = setting("scaled", Reading, static=True)
@@ -140,8 +143,9 @@ class Sharing(World):
     def _row(self, state: State, counted: Census) -> Int[Array, "agent"]:
         if self.rows > LARGEST_INDEX:
             raise TooLarge(
-                f"{self.agents} agents on {self.resources} resources can observe {self.rows:.4g} "
-                'different things, too many to number in 32 bits; use encoding="vector".'
+                f"{self.agents} agents on {self.resources} resources can observe "
+                f"{readable_count(self.rows)} different things, too many to number in 32 bits; "
+                'use encoding="vector".'
             )
         counts = (counted.settled, counted.filling - counted.settled, counted.coming)
         joint = ranking(self._group)(jnp.concatenate(counts))
