@@ -20,11 +20,12 @@ from rich.table import Table
 
 from ethogram import __version__
 from ethogram.campaign.interrupts import certain_interrupts
+from ethogram.campaign.threads import limit_threads
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
     from ethogram.campaign.engines import Engine
-    from ethogram.campaign.launch import Summary
+    from ethogram.campaign.launch import Prospect, Summary
     from ethogram.campaign.plan import Plan
     from ethogram.campaign.results import Collected
     from ethogram.campaign.study import Study
@@ -72,6 +73,7 @@ AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON,
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns its exit code."""
+    limit_threads()  # before a command loads NumPy and JAX
     try:
         with certain_interrupts():
             code = app(
@@ -121,11 +123,14 @@ def run(
 ) -> int:
     """Run a plan of a study, or what is missing of it."""
     from ethogram.campaign.engines import engine_named
+    from ethogram.campaign.launch import crew_size, survey
 
     compute = engine_named(engine)
     chosen, chosen_plan = _chosen(study, plan, changes)
     if dry_run:
-        _show_prospects(chosen, chosen_plan, out, compute, workers)
+        prospects = survey(chosen, chosen_plan, out)
+        to_do = [found for found in prospects if found.is_to_do(retry_failed=retry_failed)]
+        _show(prospects, to_do, crew_size(compute, to_do, workers))
         return DONE
     summary = _carried_out(chosen, chosen_plan, out, compute, workers, retry_failed)
     return _conclude([summary], out)
@@ -190,10 +195,8 @@ def _chosen(
     study_name: str, plan_name: str, changes: Sequence[str] = ()
 ) -> "tuple[Study, Plan[Any]]":
     """The study and its plan that a user names."""
-    from ethogram.campaign.threads import limit_threads
     from ethogram.studies import STUDIES
 
-    limit_threads()  # before the study loads NumPy and JAX
     study = STUDIES.get(study_name)
     if plan_name not in study.PLANS:
         raise UnknownName(f"plan of the study {study_name!r}", plan_name, study.PLANS)
@@ -237,27 +240,20 @@ def _conclude(summaries: "Sequence[Summary]", out: Path) -> int:
     return FAILED
 
 
-def _show_prospects(
-    study: "Study", plan: "Plan[Any]", out: Path, engine: "Engine", workers: int | None
-) -> None:
+def _show(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]", crew: int) -> None:
     """List the cases of a plan, and what those that a run would compute take together."""
     from ethogram.campaign.display import readable_seconds
-    from ethogram.campaign.launch import crew_size, survey
     from ethogram.core.memory import readable_bytes
 
-    prospects = survey(study, plan, out)
     table = Table("case", "state", "time", "memory", box=None)
     for prospect in prospects:
-        cost = prospect.cost
         table.add_row(
             prospect.case.name,
-            "to do" if prospect.to_do else prospect.state,
-            readable_seconds(cost.seconds),
-            readable_bytes(cost.bytes),
+            "to do" if prospect in to_do else prospect.state,
+            readable_seconds(prospect.cost.seconds),
+            readable_bytes(prospect.cost.bytes),
         )
     Console().print(table)
-    to_do = [prospect for prospect in prospects if prospect.to_do]
-    crew = crew_size(engine, to_do, workers)
     seconds = sum(prospect.cost.seconds for prospect in to_do) / crew
     peak = sum(sorted(prospect.cost.bytes for prospect in to_do)[-crew:])
     print(

@@ -193,7 +193,7 @@ def test_a_run_takes_over_the_case_of_another_that_is_killed(expected, tmp_path,
 
     monitor = KillsTheOther()
     assert run_toy(tmp_path, monitor=monitor).stored == 3
-    assert monitor.notes == ["1 cases are being computed by another run; waiting for it."]
+    assert monitor.notes == ["Another run is computing 1 of the cases; waiting for it."]
     assert digest(tmp_path) == expected
 
 

@@ -28,10 +28,9 @@ class Prospect:
     state: State
     cost: Cost
 
-    @property
-    def to_do(self) -> bool:
+    def is_to_do(self, *, retry_failed: bool) -> bool:
         """Whether a run would compute it.  A failure stays one until it is to be retried."""
-        return self.state in ("missing", "damaged")
+        return self.state in ("missing", "damaged") or (self.state == "failed" and retry_failed)
 
 
 @dataclass(frozen=True)
@@ -99,19 +98,15 @@ def launch(
     store.create()
     store.save_planned_run(_planned_run(study, plan, prospects))
     store.sweep()
-    to_do = []
-    for prospect in prospects:
-        if prospect.state == "failed" and retry_failed:
-            store.forget_failure(prospect.case.id)
-            to_do.append(prospect)
-        elif prospect.to_do:
-            to_do.append(prospect)
+    to_do = [found for found in prospects if found.is_to_do(retry_failed=retry_failed)]
+    for prospect in to_do:
+        store.forget_failure(prospect.case.id)
     crew = crew_size(engine, to_do, workers)
     monitor.begin(study, len(prospects), to_do, crew)
     cases = [prospect.case for prospect in to_do]
     busy = _compute(engine, Job(study, store, wait=False), cases, crew, monitor)
     if busy:
-        monitor.note(f"{len(busy)} cases are being computed by another run; waiting for it.")
+        monitor.note(f"Another run is computing {len(busy)} of the cases; waiting for it.")
         _compute(engine, Job(study, store, wait=True), busy, crew, monitor)
     return _summary(store, [prospect.case for prospect in prospects])
 
