@@ -32,7 +32,7 @@ def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> di
 
     from ethogram.core.keys import fold_in, trial_keys
     from ethogram.learners.qlearning import QLearning
-    from ethogram.learners.schedules import Constant
+    from ethogram.learners.exploration import Constant
     from ethogram.worlds.sharing import Sharing
 
     world = Sharing(communication="optional", observe_filling=True)

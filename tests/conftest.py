@@ -8,9 +8,10 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 
 ARRAYS = (
-    "ethogram.learners.dynamic_programming",
-    "ethogram.learners.qlearning",
-    "ethogram.worlds.sharing.rows",
+    "ethogram.core.keys",
+    "ethogram.core.rollout",
+    "ethogram.learners",
+    "ethogram.worlds",
 )
 
 install_import_hook(ARRAYS, f"{tests.typechecking.__name__}.check")

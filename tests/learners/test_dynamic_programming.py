@@ -19,7 +19,7 @@ from ethogram.learners.dynamic_programming import (
     discounted_returns,
     value_iteration,
 )
-from ethogram.learners.schedules import Constant
+from ethogram.learners.exploration import Constant
 from ethogram.learners.train import train
 
 LEFT, RIGHT = 0, 1

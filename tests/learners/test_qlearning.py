@@ -9,8 +9,8 @@ from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in, trial_keys
 from ethogram.core.rollout import rollout
 from ethogram.learners.dynamic_programming import DecisionProcess, value_iteration
-from ethogram.learners.qlearning import HALF, QLearning, choose
-from ethogram.learners.schedules import Constant, ExponentialDecay, LinearDecay
+from ethogram.learners.exploration import Constant, ExponentialDecay, LinearDecay, epsilon_greedy
+from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
 from ethogram.worlds.sharing import Sharing
 
@@ -90,8 +90,7 @@ def _replay(world, key, episodes, explore):
             values = np.stack([a.values(o) for a, o in zip(agents, before, strict=True)])
             rows |= dict(zip(before, np.asarray(seen["agent"]).tolist(), strict=True))
             bits = counter_bits(episode_key, time * world.agents + jnp.arange(world.agents))
-            threshold = jnp.uint32(explore * 2**HALF)
-            actions = np.asarray(choose(jnp.asarray(values.T, jnp.float32), bits, threshold))
+            actions = np.asarray(epsilon_greedy(jnp.asarray(values.T, jnp.float32), bits, explore))
             group.step(actions)
             state, outcome = step(episode_key, state, {"agent": jnp.asarray(actions)})
             seen = outcome.observation
@@ -133,7 +132,7 @@ def test_ties_are_broken_evenly_and_exploration_happens_as_often_as_asked():
     values = jnp.broadcast_to(jnp.array([1.0, 3.0, 3.0, 3.0])[:, None], (4, count))
 
     def shares(epsilon):
-        chosen = choose(values, bits, jnp.uint32(epsilon * 2**HALF))
+        chosen = epsilon_greedy(values, bits, epsilon)
         return np.bincount(chosen, minlength=4) / count
 
     np.testing.assert_allclose(shares(0.0), [0, 1 / 3, 1 / 3, 1 / 3], atol=0.01)

@@ -67,7 +67,11 @@ def test_a_study_that_is_gone_leaves_no_page_behind(
 ) -> None:
     write(tmp_path, [sharing, bare])
     write(tmp_path, [bare])
-    assert {path.name for path in (tmp_path / "report").iterdir()} == {"bare.html", "files.json"}
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {
+        "bare.html",
+        "bare.md",
+        "files.json",
+    }
 
 
 def test_two_studies_with_one_name_are_refused_before_anything_is_written(

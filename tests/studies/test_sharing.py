@@ -1,6 +1,7 @@
 import json
 
 import hypothesis.strategies as st
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -88,21 +89,25 @@ def test_figures_show_every_condition_that_there_is(records):
 
 
 def test_validation_is_reduced_as_by_hand():
-    # one episode of three steps, two agents: rows are steps
-    preference = jnp.array([[[1, 2], [1, 1], [1, 1]]])
-    spoke = jnp.array([[[True, False], [True, True], [False, True]]])
-    place = jnp.array([[[0, 0], [1, 0], [1, 1]]])
-    reward = jnp.array([[[0.0, 0.0], [0.5, 0.0], [1.0, 1.0]]])
-    filling = jnp.array([[[0, 0], [1, 0], [2, 0]]])
-    none = {"agent": jnp.zeros((1, 3, 2), bool)}
-    played = Transition(
-        observation={},
-        action={},
-        outcome=Outcome({}, {"agent": reward}, none, none, {"filling": filling}),
-        state=State(place, preference, spoke, jnp.arange(1, 4)),
-        last=jnp.array([False, False, True]),
-    )
-    watched = summarise(played, Sharing(agents=2, steps=3))
+    def step(preference, spoke, place, reward, filling):
+        never = {"agent": jnp.zeros(2, bool)}
+        outcome = Outcome(
+            observation={},
+            reward={"agent": jnp.array(reward)},
+            terminated=never,
+            truncated=never,
+            metrics={"filling": jnp.array(filling)},
+        )
+        state = State(jnp.array(place), jnp.array(preference), jnp.array(spoke), jnp.int32(0))
+        return Transition({}, {}, outcome, state, jnp.array(False))
+
+    steps = [
+        step([1, 2], [True, False], [0, 0], [0.0, 0.0], [0, 0]),
+        step([1, 1], [True, True], [1, 0], [0.5, 0.0], [1, 0]),
+        step([1, 1], [False, True], [1, 1], [1.0, 1.0], [2, 0]),
+    ]
+    one_episode = jax.tree.map(lambda *parts: jnp.stack(parts)[None], *steps)
+    watched = summarise(one_episode, Sharing(agents=2, steps=3))
     np.testing.assert_allclose(watched.return_, [[1.5, 1.0]])
     np.testing.assert_allclose(watched.displacement, [2, 1, 2])  # |rho - 1| summed
     np.testing.assert_allclose(watched.communication, [0.5, 1, 0.5])

@@ -5,5 +5,8 @@ from ethogram.core.registry import Registry
 LEARNERS: Registry[type] = Registry(
     "learner",
     "ethogram.learners",
-    {"qlearning": "ethogram.learners.qlearning:QLearning"},
+    {
+        "monte_carlo": "ethogram.learners.dynamic_programming:MonteCarloControl",
+        "qlearning": "ethogram.learners.qlearning:QLearning",
+    },
 )

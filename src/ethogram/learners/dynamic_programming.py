@@ -32,8 +32,7 @@ from ethogram.core.rollout import Policy, rollout
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
-from ethogram.learners.qlearning import HALF, choose
-from ethogram.learners.schedules import Constant, Schedule
+from ethogram.learners.exploration import Constant, Schedule, epsilon_greedy
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
@@ -223,14 +222,13 @@ class MonteCarloControl(eqx.Module):
 
     def policy(self, averages: Averages, epsilon: Number = 0.0) -> Policy:
         """Greedy with random ties (eq. 1.11), exploring with probability epsilon."""
-        explore = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
             action = {}
             for number, (role, seen) in enumerate(observation.items()):
                 bits = jax.random.bits(jax.random.fold_in(key, number), seen.shape)
                 values = averages.value[role][jnp.arange(len(seen)), seen]
-                action[role] = choose(values.T, bits, explore)
+                action[role] = epsilon_greedy(values.T, bits, epsilon)
             return action
 
         return act

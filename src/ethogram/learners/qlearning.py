@@ -23,7 +23,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key, UInt32
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import EthogramError, TooLarge
@@ -33,9 +33,7 @@ from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
 from ethogram.core.world import PerRole, World
-from ethogram.learners.schedules import ExponentialDecay, Schedule
-
-HALF = 16  # bits of a random word that decide whether to explore; the others choose
+from ethogram.learners.exploration import ExponentialDecay, Schedule, epsilon_greedy
 
 
 class Learned(eqx.Module):
@@ -109,7 +107,7 @@ class QLearning(eqx.Module):
             The state after, and metrics: `return`, Float[trials, agents] per role.
 
         """
-        explore = jnp.round(self.epsilon(learned.episode) * 2**HALF).astype(jnp.uint32)
+        epsilon = self.epsilon(learned.episode)
         state, observation = jax.vmap(self.world.reset)(keys)
         cell = {role: self._cells(role, seen) for role, seen in observation.items()}
         start = _Step(
@@ -122,7 +120,7 @@ class QLearning(eqx.Module):
         )
 
         def advance(at: _Step, time: Int[Array, ""]) -> tuple[_Step, None]:
-            return self._advance(keys, explore, at, time), None
+            return self._advance(keys, epsilon, at, time), None
 
         end, _ = lax.scan(advance, start, jnp.arange(self.world.horizon))
         return Learned(end.table, learned.episode + 1), {"return": end.return_}
@@ -131,7 +129,6 @@ class QLearning(eqx.Module):
         self, learned: Learned, trial: Int[Array, ""] | int = 0, epsilon: Number = 0.0
     ) -> Policy:
         """Act by one trial's tables: greedy, ties at random, exploring with chance epsilon."""
-        explore = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
             action = {}
@@ -139,16 +136,16 @@ class QLearning(eqx.Module):
                 agents, rows, _ = self._sizes(role)
                 cell = (trial * agents + jnp.arange(agents)) * rows + seen
                 bits = jax.random.bits(jax.random.fold_in(key, number), (agents,))
-                action[role] = choose(_look_up(learned.table[role], cell), bits, explore)
+                action[role] = epsilon_greedy(_look_up(learned.table[role], cell), bits, epsilon)
             return action
 
         return act
 
     def _advance(
-        self, keys: Key[Array, "trials"], explore: UInt32[Array, ""], at: _Step, time: Array
+        self, keys: Key[Array, "trials"], epsilon: Float[Array, ""], at: _Step, time: Array
     ) -> _Step:
         """One step of all trials: act, let the world move, learn."""
-        action = {role: self._act(keys, explore, at, role, time) for role in at.cell}
+        action = {role: self._act(keys, epsilon, at, role, time) for role in at.cell}
         world, outcome = jax.vmap(self.world.step)(fold_in(keys, time), at.world, action)
         table, cell, values, active, return_ = {}, {}, {}, {}, {}
         for role in at.cell:
@@ -167,7 +164,7 @@ class QLearning(eqx.Module):
     def _act(
         self,
         keys: Key[Array, "trials"],
-        explore: UInt32[Array, ""],
+        epsilon: Float[Array, ""],
         at: _Step,
         role: str,
         time: Int[Array, ""],
@@ -177,7 +174,7 @@ class QLearning(eqx.Module):
         everyone = sum(each.agents for each in self.world.roles.values())
         counter = time * everyone + offset + jnp.arange(shape[1])
         bits = jax.vmap(counter_bits, (0, None))(keys, counter)
-        return choose(at.values[role], bits.reshape(-1), explore).reshape(shape)
+        return epsilon_greedy(at.values[role], bits.reshape(-1), epsilon).reshape(shape)
 
     def _learn(
         self,
@@ -228,23 +225,6 @@ class QLearning(eqx.Module):
             for role, (agents, rows, actions) in sizes.items()
         )
         return f"{self.trials} trials x {tables}"
-
-
-def choose(
-    values: Float[Array, "actions agent"],
-    bits: UInt32[Array, "agent"],
-    explore: UInt32[Array, ""],
-) -> Int[Array, "agent"]:
-    """Epsilon-greedy with random ties, from one random word per agent.
-
-    The upper half of the word decides whether to explore (`explore` / 2^16), the lower half
-    picks one of the candidates: all actions, or those of the highest value.
-    """
-    exploring = (bits >> HALF) < explore
-    candidate = exploring | (values == values.max(0))
-    position = jnp.cumsum(candidate.astype(jnp.uint32), 0)
-    pick = ((bits & (2**HALF - 1)) * position[-1]) >> HALF
-    return (position <= pick).sum(0).astype(jnp.int32)
 
 
 def _look_up(

@@ -6,7 +6,7 @@ the numbers it would have had.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -26,6 +26,7 @@ class Diverged(EthogramError):
     """A learner's metrics are not finite; the message names which, and the update."""
 
 
+@runtime_checkable
 class Learner(Protocol):
     """What `train` needs of a learner."""
 

@@ -8,8 +8,8 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.learners.exploration import ExponentialDecay
 from ethogram.learners.qlearning import QLearning
-from ethogram.learners.schedules import ExponentialDecay
 from ethogram.worlds.sharing import Sharing
 from ethogram.worlds.sharing.reward import Scenario
 

@@ -52,7 +52,7 @@ REWARDS: dict[Scenario, Reward] = {
 
 def reward_of_filling(
     filling: Int[Array, "resource"],
-    scenario: Int[Array, ""],
+    scenario: Int[Array, ""] | int,
     agents: int,
     resources: int,
     literal: bool,

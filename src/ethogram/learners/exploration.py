@@ -1,4 +1,4 @@
-"""How an exploration rate falls with the number of episodes."""
+"""Epsilon-greedy choice, and how epsilon falls with the number of episodes."""
 
 from abc import abstractmethod
 from typing import Annotated
@@ -6,12 +6,32 @@ from typing import Annotated
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt32
 from pydantic import Field
 
 from ethogram.core.settings import Number, setting
 
 Probability = Annotated[float, Field(ge=0, le=1)]
+
+HALF = 16  # bits of a random word that decide whether to explore; the others choose
+
+
+def epsilon_greedy(
+    values: Float[Array, "actions agent"],
+    bits: UInt32[Array, "agent"],
+    epsilon: Number,
+) -> Int[Array, "agent"]:
+    """Explore with chance epsilon, else take an action of the highest value; ties at random.
+
+    One random word per agent does both: its upper half decides whether to explore (so that
+    chances are multiples of 2^-16), its lower half picks one of the candidates.
+    """
+    threshold = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
+    exploring = (bits >> HALF) < threshold
+    candidate = exploring | (values == values.max(0))
+    position = jnp.cumsum(candidate.astype(jnp.uint32), 0)
+    pick = ((bits & (2**HALF - 1)) * position[-1]) >> HALF
+    return (position <= pick).sum(0).astype(jnp.int32)
 
 
 class Schedule(eqx.Module):
