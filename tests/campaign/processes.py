@@ -60,7 +60,7 @@ def run_toy(folder: Path, *changes: str, plan: str = "smoke", **options: Any) ->
 
 def start_child(target: Callable[..., None], *arguments: Any) -> Any:
     """Start a function in a process of its own."""
-    process = _server.Process(target=target, args=arguments)
+    process = _server.Process(target=target, args=arguments, daemon=True)
     process.start()
     return process
 

@@ -53,7 +53,7 @@ def assert_recovers(folder, expected, monkeypatch):
     assert run_toy(folder).stored == CASES
     assert digest(folder) == expected
     store = folder / "toy"
-    assert len(list(store.glob("manifests/*"))) == len(list(store.glob("arrays/*"))) == CASES
+    assert len(list(store.glob("manifests/*.json"))) == len(list(store.glob("arrays/*"))) == CASES
     assert not list(store.rglob("*.tmp"))
     assert not list(store.glob("checkpoints/*"))
     assert not list(store.glob("damaged/*"))
@@ -67,7 +67,7 @@ def test_a_kill_loses_at_most_the_chunk_in_hand(kind, every, undisturbed, tmp_pa
     partial = 0
     for folder, exit_code in strike(kind, range(1, steps + 1, every), tmp_path):
         assert exit_code == -signal.SIGKILL
-        partial += 0 < len(list(folder.glob("toy/manifests/*"))) < CASES
+        partial += 0 < len(list(folder.glob("toy/manifests/*.json"))) < CASES
         assert_recovers(folder, expected, monkeypatch)
     assert partial >= 5
 
@@ -94,7 +94,7 @@ def test_a_failure_between_writing_and_moving_into_place_leaves_a_case_to_do(
         patch.setattr(os, step, fail)
         with pytest.raises(StorageError, match="Input/output error"):
             run_toy(tmp_path)
-    assert not list(tmp_path.glob("toy/manifests/*"))
+    assert not list(tmp_path.glob("toy/manifests/*.json"))
     run_toy(tmp_path)
     assert digest(tmp_path) == undisturbed[0]
 
@@ -153,7 +153,7 @@ def test_a_killed_command_goes_on_to_the_same_digest(subject, fault, least, tmp_
 
 def stored(folder, subject):
     """How many records there are."""
-    return len(list(folder.glob(f"{subject.study}/manifests/*")))
+    return len(list(folder.glob(f"{subject.study}/manifests/*.json")))
 
 
 def exit_code_of(command):

@@ -23,6 +23,7 @@ from ethogram.campaign.context import Context
 from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
 from ethogram.campaign.launch import crew_size, survey
 from ethogram.campaign.results import digest
+from ethogram.campaign.run import run_case
 from ethogram.campaign.store import Store
 from ethogram.campaign.threads import limit_threads
 from ethogram.core.errors import EthogramError, UnknownName
@@ -135,6 +136,23 @@ def test_a_case_whose_worker_is_killed_each_time_fails_and_says_so(tmp_path, mis
     failures = dict(summary.failures)
     assert failures["b"] == "Its worker process ended 3 times, last with signal 9: out of memory?"
     assert failures["c"] == "Its worker process ended 3 times, last with exit code 3"
+
+
+def test_workers_do_not_see_the_interrupts_of_the_terminal(tmp_path, mishaps):
+    mishaps("a", "interrupt")
+    run = start_command("run", "toy", "--plan", "smoke", "--out", tmp_path, "--workers", "1")
+    _, said = run.communicate(timeout=60)
+    assert (run.returncode, said.count("stored")) == (0, 3)
+    assert sorted(mishaps.begun()) == ["a", "b", "c"]
+
+
+def test_a_case_that_another_run_saw_fail_is_left_as_it_is(tmp_path, mishaps):
+    mishaps("b", "raise")
+    run_toy(tmp_path)
+    case = toy.cases(toy.PLANS["smoke"])[1]
+    receipt = run_case(toy, Store(tmp_path / "toy"), case, report=print, wait=True)
+    assert (receipt.state, receipt.error) == ("failed", "ValueError: a toy broke")
+    assert mishaps.begun() == ["a", "b", "c"]
 
 
 def test_a_killed_case_goes_on_from_its_checkpoint(expected, tmp_path, monkeypatch):

@@ -125,6 +125,8 @@ def _come_to_grief(name: str) -> None:
                 raise EthogramError("The toy is too large.")
             case ".die":
                 os.kill(os.getpid(), signal.SIGKILL)
+            case ".interrupt":
+                signal.raise_signal(signal.SIGINT)
             case ".exit":
                 os._exit(3)
             case ".hang":
