@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import safetensors.numpy
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ethogram.campaign import files
 from ethogram.campaign.sealed import sha256
 
-Arrays = dict[str, NDArray[np.generic]]
+Arrays = dict[str, NDArray[Any]]
 
 
 class Checkpoints:
@@ -24,7 +25,7 @@ class Checkpoints:
         self._folder = folder
         self._case_id = case_id
 
-    def save(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+    def save(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Replace the checkpoint."""
         whole = {name: np.asarray(array, order="C") for name, array in arrays.items()}
         data = safetensors.numpy.save(whole)
