@@ -31,8 +31,8 @@ def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> di
     from jax import lax
 
     from ethogram.core.keys import fold_in, trial_keys
-    from ethogram.learners.qlearning import QLearning
     from ethogram.learners.exploration import Constant
+    from ethogram.learners.qlearning import QLearning
     from ethogram.worlds.sharing import Sharing
 
     world = Sharing(communication="optional", observe_filling=True)

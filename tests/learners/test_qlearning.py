@@ -84,12 +84,13 @@ def _replay(world, key, episodes, explore):
     for episode in range(episodes):
         episode_key = fold_in(key, episode)
         group = oracle.Group(world.agents, world.resources, "mixed", "optional", True)
-        state, seen = world.reset(episode_key)
+        for_start, for_choices = fold_in(episode_key, 0), fold_in(episode_key, 1)
+        state, seen = world.reset(for_start)
         for time in range(world.steps):
             before = group.observations()
             values = np.stack([a.values(o) for a, o in zip(agents, before, strict=True)])
             rows |= dict(zip(before, np.asarray(seen["agent"]).tolist(), strict=True))
-            bits = counter_bits(episode_key, time * world.agents + jnp.arange(world.agents))
+            bits = counter_bits(for_choices, time * world.agents + jnp.arange(world.agents))
             actions = np.asarray(epsilon_greedy(jnp.asarray(values.T, jnp.float32), bits, explore))
             group.step(actions)
             state, outcome = step(episode_key, state, {"agent": jnp.asarray(actions)})

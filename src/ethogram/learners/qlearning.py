@@ -75,14 +75,14 @@ class QLearning(eqx.Module):
             TooLarge: the tables would not fit in memory; the message names the size.
 
         """
-        require_memory(f"Q-learning with {self._size()}", self.table_bytes)
+        require_memory(f"Q-learning with {self.size}", self.table_bytes)
         table = {}
         for role in self.world.roles:
             agents, rows, actions = self._sizes(role)
             cells = self.trials * agents * rows
             if cells > LARGEST_INDEX:
                 raise TooLarge(
-                    f"Q-learning with {self._size()} ({readable_bytes(self.table_bytes)}) has "
+                    f"Q-learning with {self.size} ({readable_bytes(self.table_bytes)}) has "
                     f"more rows than 32 bits can number; run fewer trials in one case."
                 )
             table[role] = jnp.zeros((cells, actions))
@@ -108,7 +108,8 @@ class QLearning(eqx.Module):
 
         """
         epsilon = self.epsilon(learned.episode)
-        state, observation = jax.vmap(self.world.reset)(keys)
+        for_start, for_choices, for_world = (fold_in(keys, use) for use in range(3))
+        state, observation = jax.vmap(self.world.reset)(for_start)
         cell = {role: self._cells(role, seen) for role, seen in observation.items()}
         start = _Step(
             table=learned.table,
@@ -120,7 +121,7 @@ class QLearning(eqx.Module):
         )
 
         def advance(at: _Step, time: Int[Array, ""]) -> tuple[_Step, None]:
-            return self._advance(keys, epsilon, at, time), None
+            return self._advance(for_choices, fold_in(for_world, time), epsilon, at, time), None
 
         end, _ = lax.scan(advance, start, jnp.arange(self.world.horizon))
         return Learned(end.table, learned.episode + 1), {"return": end.return_}
@@ -142,11 +143,16 @@ class QLearning(eqx.Module):
         return act
 
     def _advance(
-        self, keys: Key[Array, "trials"], epsilon: Float[Array, ""], at: _Step, time: Array
+        self,
+        for_choices: Key[Array, "trials"],
+        for_world: Key[Array, "trials"],
+        epsilon: Float[Array, ""],
+        at: _Step,
+        time: Int[Array, ""],
     ) -> _Step:
         """One step of all trials: act, let the world move, learn."""
-        action = {role: self._act(keys, epsilon, at, role, time) for role in at.cell}
-        world, outcome = jax.vmap(self.world.step)(fold_in(keys, time), at.world, action)
+        action = {role: self._act(for_choices, epsilon, at, role, time) for role in at.cell}
+        world, outcome = jax.vmap(self.world.step)(for_world, at.world, action)
         table, cell, values, active, return_ = {}, {}, {}, {}, {}
         for role in at.cell:
             reward, terminated = outcome.reward[role], outcome.terminated[role]
@@ -218,7 +224,9 @@ class QLearning(eqx.Module):
             )
         return space.n
 
-    def _size(self) -> str:
+    @property
+    def size(self) -> str:
+        """The tables in words."""
         sizes = {role: self._sizes(role) for role in self.world.roles}
         tables = ", ".join(
             f"{agents} {role} tables of {readable_count(rows)} x {actions}"

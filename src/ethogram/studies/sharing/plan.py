@@ -8,7 +8,7 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
-from ethogram.learners.exploration import ExponentialDecay
+from ethogram.learners.exploration import Constant, ExponentialDecay
 from ethogram.learners.qlearning import QLearning
 from ethogram.worlds.sharing import Sharing
 from ethogram.worlds.sharing.reward import Scenario
@@ -120,10 +120,15 @@ def world_of(settings: Settings) -> Sharing:
 
 
 def learner_of(settings: Settings) -> QLearning:
-    """The learners of a case; the random strategy explores always and learns nothing."""
+    """The learners of a case.
+
+    The random strategy explores always and learns nothing; what it observes makes no difference,
+    so it is given the smaller table.
+    """
     if settings.strategy == "random":
-        always = ExponentialDecay(start=1.0, end=1.0, decay=1.0)
-        return QLearning(world_of(settings), always, rate=0.0, trials=settings.trials)
+        unseeing = dataclasses.replace(settings.world, observe_filling=False)
+        world = world_of(dataclasses.replace(settings, world=unseeing))
+        return QLearning(world, Constant(1.0), rate=0.0, trials=settings.trials)
     return QLearning(
         world_of(settings),
         ExponentialDecay(**dataclasses.asdict(settings.exploration)),

@@ -13,7 +13,8 @@ from ethogram.studies.sharing.plan import (
     Condition,
     Strategy,
 )
-from ethogram.studies.sharing.run import ACTS, SHOWN, inequality
+from ethogram.studies.sharing.run import SHOWN, inequality
+from ethogram.studies.sharing.validation import ACTS
 from ethogram.studies.statistics import Trials
 from ethogram.worlds.sharing.reward import Scenario
 

@@ -1,51 +1,46 @@
 """Run a case: train its trials side by side, then watch them play greedily."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax import Array, lax
-from jaxtyping import Float, Int, Key
+from jax import Array
+from jaxtyping import Key
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
-from ethogram.core.rollout import Transition, rollout
+from ethogram.core.memory import require_memory
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train
 from ethogram.studies.sharing.plan import Settings, learner_of
+from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched, watch
 from ethogram.worlds.sharing.reward import REWARDS
 from ethogram.worlds.sharing.scene import record
-from ethogram.worlds.sharing.world import Sharing, State
 
-AGENT_STEPS_PER_SECOND = 12e6  # training, one core of an ordinary machine; see benchmarks
+AGENT_STEPS_PER_SECOND = 14e6  # training, one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 3.0
+PROCESS_BYTES = 500_000_000  # Python, JAX and compiled programs
+CHUNK_AGENT_STEPS = 20_000_000  # between two checkpoints: a second or two
 SHOWN = 10  # steps that figures 3.4 and 3.5 and tables 3.3 and 3.4 show
-ACTS = ("confirm, silent", "confirm, speaking", "change, silent", "change, speaking")
-
-
-class Watched(NamedTuple):
-    """What validation records of one trial."""
-
-    return_: Float[Array, "episode agent"]
-    displacement: Float[Array, "step"]  # eq. 3.14
-    communication: Float[Array, "step"]  # eq. 3.15
-    reward: Float[Array, "step"]  # eq. 3.16
-    acts: Float[Array, "step act"]  # share of agents that did each of `ACTS`
-    first: State  # states reached in the first episode, steps leading
-    first_reward: Float[Array, "step agent"]
 
 
 def cost(case: Case) -> Cost:
-    """About what a case takes on one core."""
+    """About what a case takes on one core.
+
+    A checkpoint holds the tables twice more for a moment: as arrays, and as bytes.
+    """
     settings = case.parsed(Settings)
-    agent_steps = settings.episodes * settings.world.steps * settings.world.agents
-    training = agent_steps * settings.trials / AGENT_STEPS_PER_SECOND
-    return Cost(seconds=COMPILE_SECONDS + training, bytes=learner_of(settings).table_bytes)
+    learner, per_episode = learner_of(settings), _agent_steps(settings)
+    episodes = settings.episodes + settings.validation_episodes
+    recorded = 4 * settings.trials * settings.validation_episodes * settings.world.agents
+    return Cost(
+        seconds=COMPILE_SECONDS + episodes * per_episode / AGENT_STEPS_PER_SECOND,
+        bytes=PROCESS_BYTES + 3 * learner.table_bytes + TRANSITION_BYTES * per_episode + recorded,
+    )
 
 
 def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
@@ -55,22 +50,26 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         `results` (dimensions trial, point, episode, agent, step, act) and `scene`, the first
         trial's first validation episode.
 
+    Raises:
+        TooLarge: the case would not fit in memory; the message names the size.
+
     """
     settings = case.parsed(Settings)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
+    require_memory(f"Q-learning with {learner.size}", cost(case).bytes)
     learned, curves = _train(learner, fold_in(keys, 0), settings, context)
-    watched = _watch(
-        learner,
-        learned,
-        fold_in(keys, 1),
-        settings.validation_episodes,
-        jnp.float32(settings.strategy == "random"),
-    )
+    random = jnp.float32(settings.strategy == "random")
+    watched = watch(learner, learned, fold_in(keys, 1), settings.validation_episodes, random)
     watched = jax.tree.map(np.asarray, watched)
     first = jax.tree.map(lambda part: part[0], watched.first)
-    scene = record(first, watched.first_reward[0], settings.world.resources)
+    scene = record(first.state, first.reward, settings.world.resources)
     return {"results": _label(curves, watched, settings), "scene": scene.to_dataset()}
+
+
+def _agent_steps(settings: Settings) -> int:
+    """Steps of all agents of all trials in one episode."""
+    return settings.trials * settings.world.steps * settings.world.agents
 
 
 def _train(
@@ -78,25 +77,22 @@ def _train(
 ) -> tuple[Learned, dict[str, np.ndarray]]:
     """Train, from the last checkpoint if there is one; return the learning curves."""
     points = -(-settings.episodes // settings.record_every)
-    curves: dict[str, np.ndarray] = {
-        name: np.zeros((points, settings.trials), np.float32) for name in ("return", "inequality")
-    }
-    learned = learner.init()
-    start = 0
+    sums = {name: np.zeros((points, settings.trials)) for name in ("return", "inequality")}
+    learned, start = learner.init(), 0
     found = context.restore()
     if found is not None:
-        curves = {name: found.pop(f"curve.{name}") for name in curves}
+        sums = {name: found.pop(f"sum.{name}") for name in sums}
         learned = from_arrays(learned, found)
         start = int(learned.episode)
 
     def after_chunk(done: int, learned: Learned, metrics: Any) -> None:
-        point = (done - 1) // settings.record_every
         return_ = metrics["return"]["agent"]
-        curves["return"][point] = return_.mean((0, 2))
-        curves["inequality"][point] = inequality(return_).mean(0)
+        point = np.arange(done - len(return_), done) // settings.record_every
+        np.add.at(sums["return"], point, return_.mean(2))
+        np.add.at(sums["inequality"], point, inequality(return_))
         context.progress(done, settings.episodes)
         context.checkpoint(
-            lambda: to_arrays(learned) | {f"curve.{name}": curve for name, curve in curves.items()}
+            lambda: to_arrays(learned) | {f"sum.{name}": total for name, total in sums.items()}
         )
 
     learned = train(
@@ -104,53 +100,12 @@ def _train(
         keys,
         learned,
         settings.episodes,
-        chunk=settings.record_every,
+        chunk=max(1, CHUNK_AGENT_STEPS // _agent_steps(settings)),
         after_chunk=after_chunk,
         start=start,
     )
-    return learned, curves
-
-
-@eqx.filter_jit
-def _watch(
-    learner: QLearning,
-    learned: Learned,
-    keys: Key[Array, "trials"],
-    episodes: int,
-    epsilon: Float[Array, ""],
-) -> Watched:
-    """Validate every trial, one after the other to keep memory low."""
-    world = learner.world
-    assert isinstance(world, Sharing)
-
-    def watch_one(trial: Int[Array, ""]) -> Watched:
-        policy = learner.policy(learned, trial, epsilon)
-
-        def play(key: Key[Array, ""]) -> Transition:
-            return rollout(world, policy, key, world.steps)[1]
-
-        return summarise(jax.vmap(play)(jax.random.split(keys[trial], episodes)), world)
-
-    return lax.map(watch_one, jnp.arange(learner.trials))
-
-
-def summarise(played: Transition, world: Sharing) -> Watched:
-    """Reduce a trial's validation episodes (leading axes: episode, step) to what is kept."""
-    state: State = played.state
-    reward = played.outcome.reward["agent"]
-    before = jnp.pad(state.preference[:, :-1], ((0, 0), (1, 0), (0, 0)))
-    act = 2 * (state.preference != before) + state.spoke
-    filling = played.outcome.metrics["filling"]
-    even = world.agents / world.resources
-    return Watched(
-        return_=reward.sum(1),
-        displacement=jnp.abs(filling - even).sum(-1).mean(0),
-        communication=state.spoke.mean((0, 2)),
-        reward=reward.mean((0, 2)),
-        acts=(act[..., None] == jnp.arange(len(ACTS))).mean((0, 2)),
-        first=jax.tree.map(lambda part: part[0], state),
-        first_reward=reward[0],
-    )
+    episodes = np.bincount(np.arange(settings.episodes) // settings.record_every)
+    return learned, {name: total / episodes[:, None] for name, total in sums.items()}
 
 
 def inequality(return_: np.ndarray) -> np.ndarray:
@@ -175,18 +130,21 @@ def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) 
     shown = slice(0, SHOWN)
     return xr.Dataset(
         {
-            "training_return": (("trial", "point"), curves["return"].T),
-            "training_inequality": (("trial", "point"), curves["inequality"].T),
+            "training_return": (("trial", "point"), curves["return"].T.astype(np.float32)),
+            "training_inequality": (
+                ("trial", "point"),
+                curves["inequality"].T.astype(np.float32),
+            ),
             "validation_return": (("trial", "episode", "agent"), watched.return_),
-            "displacement": (("trial", "step"), watched.displacement),
-            "communication": (("trial", "step"), watched.communication),
-            "reward": (("trial", "step"), watched.reward),
-            "acts": (("trial", "step", "act"), watched.acts),
+            "displacement": (("trial", "step"), watched.mean.displacement),
+            "communication": (("trial", "step"), watched.mean.communication),
+            "reward": (("trial", "step"), watched.mean.reward),
+            "acts": (("trial", "step", "act"), watched.mean.acts),
             "first_preference": (
                 ("trial", "shown", "agent"),
-                watched.first.preference[:, shown].astype(np.int32),
+                watched.first.state.preference[:, shown].astype(np.int32),
             ),
-            "first_spoke": (("trial", "shown", "agent"), watched.first.spoke[:, shown]),
+            "first_spoke": (("trial", "shown", "agent"), watched.first.state.spoke[:, shown]),
             "payoff": (("filling",), payoff(settings)),
         },
         coords={

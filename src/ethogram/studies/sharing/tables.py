@@ -7,7 +7,7 @@ from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.plan import SETTINGS, STRATEGIES, Condition, Strategy, filling_word
 from ethogram.studies.sharing.published import MAX_VALIDATION_RETURN
 from ethogram.studies.sharing.results import Measure, Records, Results
-from ethogram.studies.sharing.run import ACTS
+from ethogram.studies.sharing.validation import ACTS
 from ethogram.studies.statistics import Trials, bootstrap_interval
 
 PRINTED: tuple[Strategy, ...] = ("always", "none", "optional")  # rows of Table 3.2
