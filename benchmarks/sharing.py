@@ -21,6 +21,7 @@ from pathlib import Path
 TRIALS = (1, 20, 80)
 EPSILONS = (1.0, 0.01)
 WARM_UP, SECONDS = 1.0, 8.0  # per measurement
+PATIENCE = 300.0  # seconds
 THESIS_AGENT_STEPS = 24 * 20 * 20_000 * 100 * 10
 
 
@@ -86,7 +87,7 @@ def side_by_side(processes: int, trials: int, epsilon: float) -> dict[str, float
     ]
     for process in crew:
         process.start()
-    found = [answers.get() for _ in crew]
+    found = [answers.get(timeout=PATIENCE) for _ in crew]  # a process that died never answers
     for process in crew:
         process.join()
     return {name: sum(each[name] for each in found) for name in found[0]}

@@ -133,7 +133,7 @@ def test_a_failure_is_listed_and_gives_exit_code_1(ethogram, monkeypatch):
         (["report", "resluts"], ["'resluts' is no folder", "Did you mean 'results'?"]),
         (["digest", "results/toy"], ["holds no results", "Did you mean 'results'?"]),
         (["claims", "."], ["holds no results"]),
-        (["reproduce", "--plan", "thesis"], ["plan of the study 'toy'", "'thesis'"]),
+        (["reproduce", "--plan", "thesis"], ["Unknown toy plan", "'thesis'"]),
     ],
 )
 def test_what_is_wrong_gets_one_clear_message_and_exit_code_2(ethogram, arguments, parts):

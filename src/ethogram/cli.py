@@ -199,7 +199,7 @@ def _chosen(
 
     study = STUDIES.get(study_name)
     if plan_name not in study.PLANS:
-        raise UnknownName(f"plan of the study {study_name!r}", plan_name, study.PLANS)
+        raise UnknownName(f"{study_name} plan", plan_name, study.PLANS)
     return study, study.PLANS[plan_name].override(changes)
 
 

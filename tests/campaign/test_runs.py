@@ -23,7 +23,7 @@ from ethogram.campaign.context import Context
 from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
 from ethogram.campaign.launch import crew_size, survey
 from ethogram.campaign.results import digest
-from ethogram.campaign.run import run_case
+from ethogram.campaign.run import Job, run_case
 from ethogram.campaign.store import Store
 from ethogram.campaign.threads import limit_threads
 from ethogram.core.errors import EthogramError, UnknownName
@@ -150,7 +150,7 @@ def test_a_case_that_another_run_saw_fail_is_left_as_it_is(tmp_path, mishaps):
     mishaps("b", "raise")
     run_toy(tmp_path)
     case = toy.cases(toy.PLANS["smoke"])[1]
-    receipt = run_case(toy, Store(tmp_path / "toy"), case, report=print, wait=True)
+    receipt = run_case(Job(toy, Store(tmp_path / "toy"), wait=True), case, report=print)
     assert (receipt.state, receipt.error) == ("failed", "ValueError: a toy broke")
     assert mishaps.begun() == ["a", "b", "c"]
 

@@ -17,7 +17,7 @@ from tests.campaign.processes import Recorder, run_toy
 from ethogram.campaign.arrays import pack, unpack
 from ethogram.campaign.checkpoints import Checkpoints
 from ethogram.campaign.results import digest
-from ethogram.campaign.run import run_case
+from ethogram.campaign.run import Job, run_case
 from ethogram.campaign.sealed import Damaged, Failure, seal, unseal
 from ethogram.campaign.store import Store
 from ethogram.core.errors import EthogramError
@@ -206,7 +206,7 @@ def test_a_lock_that_another_holds_leaves_the_case_to_it(store):
     only(store.folder, "manifests/*").unlink()
     with store.lock(CASE.id, wait=True) as held:
         assert held
-        receipt = run_case(toy, store, CASE, report=print, wait=False)
+        receipt = run_case(Job(toy, store, wait=False), CASE, report=print)
     assert receipt.state == "busy"
     assert store.state(CASE.id) == "missing"
 

@@ -2,12 +2,9 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 from ethogram.campaign.case import Case
-from ethogram.campaign.run import Receipt, give_up, run_case
-from ethogram.campaign.store import Store
-from ethogram.campaign.study import Study
+from ethogram.campaign.run import Job, Receipt, give_up, run_case
 from ethogram.campaign.threads import limit_threads
 from ethogram.campaign.workers import (
     Loss,
@@ -20,16 +17,8 @@ from ethogram.campaign.workers import (
 )
 from ethogram.core.errors import EthogramError, UnknownName
 
-ATTEMPTS = 3  # at a case whose worker is killed each time
-
-
-@dataclass(frozen=True)
-class Job:
-    """What the cases of a run have in common."""
-
-    study: Study
-    store: Store
-    wait: bool  # for cases that another run is computing, instead of leaving them to it
+ATTEMPTS = 3  # at a case whose worker is killed each time, and at starting workers
+_STARTING = "starting"  # counts the workers that were lost before they had a case
 
 
 Report = Callable[[Case, float], None]  # takes the fraction of a case that is done
@@ -45,7 +34,7 @@ def inline(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Ite
         def report_case(fraction: float, case: Case = case) -> None:
             report(case, fraction)
 
-        yield run_case(job.study, job.store, case, report=report_case, wait=job.wait)
+        yield run_case(job, case, report=report_case)
 
 
 def pool(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Iterator[Receipt]:
@@ -106,7 +95,7 @@ class _Crew:
                 yield from self._replace(worker, cause)
 
     def _hire(self) -> None:
-        self._workers.append(Worker(self._job.study, self._job.store, wait=self._job.wait))
+        self._workers.append(Worker(self._job))
 
     def _employ(self, worker: Worker) -> None:
         if self._waiting:
@@ -119,14 +108,17 @@ class _Crew:
         """Run the case of a worker that was killed again, unless it has cost too many by now."""
         self._workers.remove(worker)
         case = worker.case
+        lost = case.id if case else _STARTING
+        self._losses[lost] += 1
         if case is None:
-            raise EthogramError(f"A worker process could not start ({cause}).")
-        self._report(case, 0.0)
-        self._losses[case.id] += 1
-        if self._losses[case.id] < ATTEMPTS:
-            self._waiting.append(case)
+            if self._losses[lost] >= ATTEMPTS:
+                raise EthogramError(f"Worker processes cannot start; the last had {cause}.")
         else:
-            reason = f"Its worker process ended {ATTEMPTS} times, last with {cause}"
-            yield give_up(self._job.store, case, reason)
+            self._report(case, 0.0)
+            if self._losses[lost] < ATTEMPTS:
+                self._waiting.append(case)
+            else:
+                reason = f"Its worker process ended {ATTEMPTS} times, last with {cause}"
+                yield give_up(self._job.store, case, reason)
         if self._waiting:
             self._hire()

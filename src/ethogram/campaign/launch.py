@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ethogram.campaign.case import Case, Cost
-from ethogram.campaign.engines import Engine, Job, inline
+from ethogram.campaign.engines import Engine, inline
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now
-from ethogram.campaign.run import Receipt
+from ethogram.campaign.run import Job, Receipt
 from ethogram.campaign.sealed import PlannedRun
 from ethogram.campaign.store import State, Store
 from ethogram.campaign.study import Study
@@ -99,12 +99,11 @@ def launch(
     store.save_planned_run(_planned_run(study, plan, prospects))
     store.sweep()
     to_do = [found for found in prospects if found.is_to_do(retry_failed=retry_failed)]
-    for prospect in to_do:
-        store.forget_failure(prospect.case.id)
     crew = crew_size(engine, to_do, workers)
     monitor.begin(study, len(prospects), to_do, crew)
     cases = [prospect.case for prospect in to_do]
-    busy = _compute(engine, Job(study, store, wait=False), cases, crew, monitor)
+    job = Job(study, store, wait=False, retry_failed=retry_failed)
+    busy = _compute(engine, job, cases, crew, monitor)
     if busy:
         monitor.note(f"Another run is computing {len(busy)} of the cases; waiting for it.")
         _compute(engine, Job(study, store, wait=True), busy, crew, monitor)

@@ -16,6 +16,16 @@ from ethogram.campaign.study import Study
 from ethogram.core.errors import EthogramError
 
 
+@dataclass(frozen=True)
+class Job:
+    """What the cases of a run have in common."""
+
+    study: Study
+    store: Store
+    wait: bool  # for cases that another run is computing, instead of leaving them to it
+    retry_failed: bool = False  # those that failed in an earlier run
+
+
 @dataclass(frozen=True, kw_only=True)
 class Receipt:
     """What became of a case; its data stays in the store."""
@@ -26,21 +36,22 @@ class Receipt:
     notes: tuple[str, ...] = ()  # for the user
 
 
-def run_case(
-    study: Study, store: Store, case: Case, *, report: Callable[[float], None], wait: bool
-) -> Receipt:
+def run_case(job: Job, case: Case, *, report: Callable[[float], None]) -> Receipt:
     """Compute a case and store its record or its failure, unless that is there already.
 
     A case that another run holds is waited for or left to it.  Only `StorageError` comes out:
     a store that cannot be written ends the run, a case that fails does not.
     """
-    with store.lock(case.id, wait=wait) as held:
+    store = job.store
+    with store.lock(case.id, wait=job.wait) as held:
         if not held:
             return Receipt(case_id=case.id, state="busy")
         store.clear(case.id)
         notes = [f"{note} It is set aside." for note in store.set_aside_damaged(case.id)]
+        if job.retry_failed:
+            store.forget_failure(case.id)
         if store.manifest(case.id) is None and store.failure(case.id) is None:
-            notes += _compute(study, store, case, report)
+            notes += _compute(job.study, store, case, report)
         failure = None if store.manifest(case.id) else store.failure(case.id)
     return Receipt(
         case_id=case.id,
@@ -66,6 +77,7 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
     try:
         record = study.run(case, context)
         store.save(case, record, started=started, seconds=time.monotonic() - clock)
+        checkpoints.clear()
     except StorageError:
         raise
     except Exception as error:
@@ -78,7 +90,6 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
                 seconds=time.monotonic() - clock,
             )
         )
-    checkpoints.clear()
     return context.notes
 
 

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from types import ModuleType
 
 from ethogram.campaign.case import Case
-from ethogram.campaign.run import Receipt, run_case
+from ethogram.campaign.run import Job, Receipt, run_case
 from ethogram.campaign.store import Store
 from ethogram.campaign.study import Study
 from ethogram.core.errors import EthogramError
@@ -59,13 +59,15 @@ Message = Ready | Progress | Receipt | Refusal | Loss
 class Worker:
     """The end of the pipe that is held by the process which hands out the cases."""
 
-    def __init__(self, study: Study, store: Store, *, wait: bool) -> None:
+    def __init__(self, job: Job) -> None:
         self.case: Case | None = None  # the case in hand
         self.pipe, theirs = _SPAWN.Pipe()
         # A module cannot travel to another process, but its name can.
-        reference = study.__name__ if isinstance(study, ModuleType) else study
+        study = job.study.__name__ if isinstance(job.study, ModuleType) else job.study
         self._process = _SPAWN.Process(
-            target=_serve, args=(theirs, reference, store, wait), daemon=True
+            target=_serve,
+            args=(theirs, study, job.store, job.wait, job.retry_failed),
+            daemon=True,
         )
         with _interrupts_held_back():
             self._process.start()
@@ -99,26 +101,28 @@ def with_messages(crew: Sequence[Worker]) -> list[Worker]:
     return [worker for worker in crew if worker.pipe in pipes]
 
 
-def _serve(pipe: Connection, reference: Study | str, store: Store, wait: bool) -> None:
+def _serve(
+    pipe: Connection, reference: Study | str, store: Store, wait: bool, retry_failed: bool
+) -> None:
     """Compute cases as they come; the main function of a worker's process."""
     threading.Thread(target=_die_with_parent, daemon=True).start()
     study = importlib.import_module(reference) if isinstance(reference, str) else reference
-
+    job = Job(study, store, wait, retry_failed)
     _say(pipe, Ready())
     while True:
         try:
             case = pipe.recv()
         except (EOFError, OSError):
             return
-        _say(pipe, _reply(pipe, study, store, case, wait=wait))
+        _say(pipe, _reply(pipe, job, case))
 
 
-def _reply(pipe: Connection, study: Study, store: Store, case: Case, *, wait: bool) -> Message:
+def _reply(pipe: Connection, job: Job, case: Case) -> Message:
     def report(fraction: float) -> None:
         _say(pipe, Progress(case, fraction))
 
     try:
-        return run_case(study, store, case, report=report, wait=wait)
+        return run_case(job, case, report=report)
     except EthogramError as error:
         return Refusal(str(error))
 

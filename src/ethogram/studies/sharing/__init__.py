@@ -9,9 +9,9 @@ Deviations from the thesis are those of the world (`ethogram.worlds.sharing`) an
 """
 
 from ethogram.studies.sharing.claims import claims
+from ethogram.studies.sharing.compute import cost, run
 from ethogram.studies.sharing.figures import figures
 from ethogram.studies.sharing.plan import NAME, PLANS, VERSION, cases
-from ethogram.studies.sharing.run import cost, run
 from ethogram.studies.sharing.tables import tables
 
 TITLE = "Sharing resources"

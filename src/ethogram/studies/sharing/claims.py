@@ -7,9 +7,11 @@ of an agent (99 over 100 steps), for I 10% of the larger of the two values compa
 """
 
 from functools import partial
+from typing import NamedTuple
 
 from ethogram.core.findings import Claim
 from ethogram.studies.sharing import results as measure
+from ethogram.studies.sharing.compute import SHOWN
 from ethogram.studies.sharing.plan import (
     SCENARIOS,
     SETTINGS,
@@ -19,14 +21,28 @@ from ethogram.studies.sharing.plan import (
     filling_word,
 )
 from ethogram.studies.sharing.results import CLOSE, Measure, Records, Results
-from ethogram.studies.statistics import ClaimSpec, Part, Side, Trials, difference, judge
+from ethogram.studies.statistics import ClaimSpec, Part, Side, Terms, Trials, difference, judge
 from ethogram.worlds.sharing.reward import Scenario
 
 J_MARGIN = 0.02  # of the largest possible return
 I_SCALE = 0.9  # 0.9 a > b: a is higher than b by more than 10% of the larger value
 HALF_A_STEP = 0.5
+RETURN, SPREAD = "return", "return (standard deviation)"  # units
 
-_PART = {"return": "return", "spread": "return (standard deviation)"}
+
+class Setting(NamedTuple):
+    """Where two strategies are compared."""
+
+    scenario: Scenario
+    observed: bool
+
+    @property
+    def words(self) -> str:
+        """For labels."""
+        return f"{self.scenario}, filling {filling_word(self.observed)}"
+
+
+EVERYWHERE = tuple(Setting(*setting) for setting in SETTINGS)
 
 
 def claims(records: Records) -> list[Claim]:
@@ -47,6 +63,11 @@ def claims(records: Records) -> list[Claim]:
 
 
 def _always_best(results: Results) -> ClaimSpec:
+    parts = []
+    for setting in EVERYWHERE:
+        for other in _others("always"):
+            parts.append(_training_return(results, setting, "always", other, "at least", -1))
+            parts.append(_training_spread(results, setting, "always", other, "at most"))
     return ClaimSpec(
         number=1,
         statement="Always-communication has the highest overall return J and the lowest "
@@ -54,60 +75,54 @@ def _always_best(results: Results) -> ClaimSpec:
         source="section 3.4.1, figures 3.2 and 3.3",
         test="At the end of training, against each other strategy: J not lower by more than 2% "
         "of the largest return, I not higher by more than 10%.",
-        parts=tuple(
-            part
-            for scenario, observed in SETTINGS
-            for other in STRATEGIES
-            if other != "always"
-            for part in (
-                _return_part(results, scenario, observed, "always", other, "at least", -1),
-                _inequality_part(results, scenario, observed, "always", other, "at most"),
-            )
-        ),
+        parts=tuple(parts),
     )
 
 
 def _lead_larger_when_hidden(results: Results) -> ClaimSpec:
-    def lead(
-        name: Measure, scenario: Scenario, observed: bool, sign: float
-    ) -> tuple[tuple[float, Trials], ...]:
-        always, none = _pair(results, name, scenario, observed, "always", "none")
-        return ((sign, always), (-sign, none))
-
     parts = []
     for scenario in SCENARIOS:
-        returns = partial(lead, measure.training_return, scenario)
-        spreads = partial(lead, measure.training_inequality, scenario)
+        hidden, observed = Setting(scenario, False), Setting(scenario, True)
+        lead = partial(_lead, results, measure.training_return)
         parts.append(
             Part(
                 label=f"lead in J, hidden - observed, {scenario}",
-                terms=returns(True, -1.0) + returns(False, 1.0),
+                terms=lead(hidden, 1.0) + lead(observed, -1.0),
                 side="more than",
                 margin=J_MARGIN * results.largest_return(scenario),
-                unit=_PART["return"],
+                unit=RETURN,
             )
         )
-        parts.append(
-            Part(
+        spread = partial(_lead, results, measure.training_inequality)
+        spread_part = partial(Part, side="more than", margin=0.0, unit=SPREAD)
+        parts += [
+            spread_part(label=f"lead in I, {hidden.words}", terms=spread(hidden, -1.0)),
+            spread_part(
                 label=f"lead in I, {I_SCALE} hidden - observed, {scenario}",
-                terms=spreads(True, 1.0) + spreads(False, -I_SCALE),
-                side="more than",
-                margin=0.0,
-                unit=_PART["spread"],
-            )
-        )
+                terms=spread(hidden, -I_SCALE) + spread(observed, 1.0),
+            ),
+        ]
     return ClaimSpec(
         number=2,
         statement="The lead of always-communication over no-communication is larger when the "
         "filling is hidden.",
         source="section 3.4.1",
         test="At the end of training, in every scenario: the lead in J is larger by more than 2% "
-        "of the largest return, the lead in I by more than 10%.",
+        "of the largest return; there is a lead in I with hidden filling, and it is larger by "
+        "more than 10%.",
         parts=tuple(parts),
     )
 
 
 def _optional_matches(results: Results) -> ClaimSpec:
+    parts = []
+    for observed in (False, True):
+        setting = Setting("cooperative", observed)
+        parts += [
+            _training_return(results, setting, "optional", "always", "within", 1),
+            _training_spread(results, setting, "optional", "always", "at most"),
+            _training_spread(results, setting, "always", "optional", "at most"),
+        ]
     return ClaimSpec(
         number=3,
         statement="Optional communication matches always-communication in the cooperative "
@@ -115,19 +130,15 @@ def _optional_matches(results: Results) -> ClaimSpec:
         source="section 3.4.1",
         test="At the end of training, equivalence: J within 2% of the largest return, I within "
         "10%.",
-        parts=tuple(
-            part
-            for observed in (False, True)
-            for part in (
-                _return_part(results, "cooperative", observed, "optional", "always", "within", 1),
-                _inequality_part(results, "cooperative", observed, "optional", "always", "at most"),
-                _inequality_part(results, "cooperative", observed, "always", "optional", "at most"),
-            )
-        ),
+        parts=tuple(parts),
     )
 
 
 def _optional_worse(results: Results) -> ClaimSpec:
+    parts = []
+    for setting in (Setting("competitive", False), Setting("mixed", False)):
+        parts.append(_training_return(results, setting, "optional", "always", "less than", -1))
+        parts.append(_training_spread(results, setting, "optional", "always", "more than"))
     return ClaimSpec(
         number=4,
         statement="Optional communication is worse than always-communication in the competitive "
@@ -135,72 +146,70 @@ def _optional_worse(results: Results) -> ClaimSpec:
         source="section 3.4.1",
         test="At the end of training: J lower by more than 2% of the largest return and I higher "
         "by more than 10%.",
-        parts=tuple(
-            part
-            for scenario in SCENARIOS
-            if scenario != "cooperative"
-            for part in (
-                _return_part(results, scenario, False, "optional", "always", "less than", -1),
-                _inequality_part(results, scenario, False, "optional", "always", "more than"),
-            )
-        ),
+        parts=tuple(parts),
     )
 
 
 def _random_worst(results: Results) -> ClaimSpec:
+    parts = []
+    for setting in EVERYWHERE:
+        for other in _others("random"):
+            parts.append(_training_return(results, setting, "random", other, "less than", -1))
+            parts.append(_training_spread(results, setting, "random", other, "more than"))
     return ClaimSpec(
         number=5,
         statement="The random strategy is the worst in every setting, in return and in inequality.",
         source="section 3.4.1",
         test="At the end of training, against each other strategy: J lower by more than 2% of "
         "the largest return and I higher by more than 10%.",
-        parts=tuple(
-            part
-            for scenario, observed in SETTINGS
-            for other in STRATEGIES
-            if other != "random"
-            for part in (
-                _return_part(results, scenario, observed, "random", other, "less than", -1),
-                _inequality_part(results, scenario, observed, "random", other, "more than"),
-            )
-        ),
+        parts=tuple(parts),
     )
 
 
 def _settles(results: Results) -> ClaimSpec:
-    settled = tuple(
+    settled = [
         Part(
             label=f"settling: {condition.words}",
             terms=((1.0, results.trials(measure.unsettled, condition)),),
-            side="within",
+            side="at most",
             margin=CLOSE * results.agents,
             unit="agents",
         )
         for condition in measure.conditions()
-    )
-    first = tuple(
-        Part(
-            label=f"always before {other}: {_setting(scenario, observed)}",
-            terms=difference(
-                *_pair(results, measure.steps_to_optimum, scenario, observed, "always", other)
-            ),
-            side="at most",
-            margin=HALF_A_STEP,
-            unit="steps",
+    ]
+    in_time, first = [], []
+    for setting in EVERYWHERE:
+        always, *_ = _pair(results, measure.steps_to_optimum, setting, "always", "none")
+        in_time.append(
+            Part(
+                label=f"always reaches the optimum: {setting.words}",
+                terms=((1.0, always),),
+                side="at most",
+                margin=SHOWN,
+                unit="steps",
+            )
         )
-        for scenario, observed in SETTINGS
-        for other in STRATEGIES
-        if other != "always"
-    )
+        first += [
+            Part(
+                label=f"always before {other}: {setting.words}",
+                terms=difference(
+                    *_pair(results, measure.steps_to_optimum, setting, "always", other)
+                ),
+                side="at most",
+                margin=HALF_A_STEP,
+                unit="steps",
+            )
+            for other in _others("always")
+        ]
     return ClaimSpec(
         number=6,
         statement="The displacement settles within 10 steps, and always-communication reaches "
         "the optimal one first.",
         source="section 3.4.2, figure 3.4",
-        test="In validation: at step 10 within 5% of the agents of its later mean, for every "
-        "strategy and setting; always-communication comes within 5% of the agents of the optimum "
-        "no later than any other strategy (by more than half a step).",
-        parts=settled + first,
+        test="In validation: at step 10 no further than 5% of the agents from its later mean, for "
+        "every strategy and setting; always-communication comes within 5% of the agents of the "
+        "optimum by step 10, and no later than any other strategy (by more than half a step).",
+        parts=(*settled, *in_time, *first),
     )
 
 
@@ -234,32 +243,14 @@ def _talks_first(results: Results) -> ClaimSpec:
 
 
 def _best_off(results: Results) -> ClaimSpec:
-    parts = []
-    for other in STRATEGIES:
-        if other == "optional":
-            continue
-        here = partial(
-            _pair, results, scenario="competitive", observed=True, one="optional", other=other
-        )
-        parts.append(
-            Part(
-                label=f"best agent, optional - {other}",
-                terms=difference(*here(name=measure.best_return)),
-                side="more than",
-                margin=J_MARGIN * results.largest_return("competitive"),
-                unit=_PART["return"],
-            )
-        )
-        one, two = here(name=measure.validation_inequality)
-        parts.append(
-            Part(
-                label=f"{I_SCALE} I(optional) - I({other})",
-                terms=((I_SCALE, one), (-1.0, two)),
-                side="more than",
-                margin=0.0,
-                unit=_PART["spread"],
-            )
-        )
+    setting, parts = Setting("competitive", True), []
+    for other in _others("optional"):
+        best = _pair(results, measure.best_return, setting, "optional", other)
+        spread = _pair(results, measure.validation_inequality, setting, "optional", other)
+        parts += [
+            _return_part(results, f"best optional - best {other}", best, setting, "more than", 1),
+            _spread_part(f"{I_SCALE} I(optional) - I({other})", spread, "more than"),
+        ]
     return ClaimSpec(
         number=8,
         statement="In the competitive scenario with observed filling, the best-off optional "
@@ -274,20 +265,19 @@ def _best_off(results: Results) -> ClaimSpec:
 def _when_they_speak(results: Results) -> ClaimSpec:
     confirming = measure.share_of_act("confirm, speaking")
     changing = measure.share_of_act("change, speaking")
-    parts = []
-    for condition, more, less in (
-        (Condition("cooperative", "optional", False), confirming, changing),
-        (Condition("competitive", "optional", True), changing, confirming),
-    ):
-        parts.append(
-            Part(
-                label=condition.words,
-                terms=difference(results.trials(more, condition), results.trials(less, condition)),
-                side="more than",
-                margin=0.0,
-                unit="share of agents",
-            )
+    parts = [
+        Part(
+            label=condition.words,
+            terms=difference(results.trials(more, condition), results.trials(less, condition)),
+            side="more than",
+            margin=0.0,
+            unit="share of agents",
         )
+        for condition, more, less in (
+            (Condition("cooperative", "optional", False), confirming, changing),
+            (Condition("competitive", "optional", True), changing, confirming),
+        )
+    ]
     return ClaimSpec(
         number=9,
         statement="Communicating while confirming is commoner than while changing in the "
@@ -299,58 +289,62 @@ def _when_they_speak(results: Results) -> ClaimSpec:
     )
 
 
+def _others(strategy: Strategy) -> tuple[Strategy, ...]:
+    return tuple(other for other in STRATEGIES if other != strategy)
+
+
 def _pair(
-    results: Results,
-    name: Measure,
-    scenario: Scenario,
-    observed: bool,
-    one: Strategy,
-    other: Strategy,
+    results: Results, name: Measure, setting: Setting, one: Strategy, other: Strategy
 ) -> tuple[Trials, Trials]:
     """The trials of two strategies in one setting."""
+    scenario, observed = setting
     return (
         results.trials(name, Condition(scenario, one, observed)),
         results.trials(name, Condition(scenario, other, observed)),
     )
 
 
+def _lead(results: Results, name: Measure, setting: Setting, weight: float) -> Terms:
+    """What always-communication has more than no-communication, weighted."""
+    always, none = _pair(results, name, setting, "always", "none")
+    return ((weight, always), (-weight, none))
+
+
+def _training_return(
+    results: Results, setting: Setting, one: Strategy, other: Strategy, side: Side, sign: int
+) -> Part:
+    pair = _pair(results, measure.training_return, setting, one, other)
+    label = f"J({one}) - J({other}), {setting.words}"
+    return _return_part(results, label, pair, setting, side, sign)
+
+
+def _training_spread(
+    results: Results, setting: Setting, one: Strategy, other: Strategy, side: Side
+) -> Part:
+    pair = _pair(results, measure.training_inequality, setting, one, other)
+    return _spread_part(f"{I_SCALE} I({one}) - I({other}), {setting.words}", pair, side)
+
+
 def _return_part(
     results: Results,
-    scenario: Scenario,
-    observed: bool,
-    one: Strategy,
-    other: Strategy,
+    label: str,
+    pair: tuple[Trials, Trials],
+    setting: Setting,
     side: Side,
-    sign: float,
+    sign: int,
 ) -> Part:
-    """J of one strategy less J of another, against the margin with a sign."""
+    """The difference of two returns against the margin for J, with a sign."""
     return Part(
-        label=f"J({one}) - J({other}), {_setting(scenario, observed)}",
-        terms=difference(*_pair(results, measure.training_return, scenario, observed, one, other)),
+        label=label,
+        terms=difference(*pair),
         side=side,
-        margin=sign * J_MARGIN * results.largest_return(scenario),
-        unit=_PART["return"],
+        margin=sign * J_MARGIN * results.largest_return(setting.scenario),
+        unit=RETURN,
     )
 
 
-def _inequality_part(
-    results: Results,
-    scenario: Scenario,
-    observed: bool,
-    one: Strategy,
-    other: Strategy,
-    side: Side,
-) -> Part:
-    """90% of I of one strategy less I of another, against zero."""
-    first, second = _pair(results, measure.training_inequality, scenario, observed, one, other)
-    return Part(
-        label=f"{I_SCALE} I({one}) - I({other}), {_setting(scenario, observed)}",
-        terms=((I_SCALE, first), (-1.0, second)),
-        side=side,
-        margin=0.0,
-        unit=_PART["spread"],
-    )
-
-
-def _setting(scenario: Scenario, observed: bool) -> str:
-    return f"{scenario}, filling {filling_word(observed)}"
+def _spread_part(label: str, pair: tuple[Trials, Trials], side: Side) -> Part:
+    """90% of one inequality less another against zero."""
+    one, other = pair
+    terms = ((I_SCALE, one), (-1.0, other))
+    return Part(label=label, terms=terms, side=side, margin=0.0, unit=SPREAD)

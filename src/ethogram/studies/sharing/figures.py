@@ -1,6 +1,7 @@
 """Figures 3.1 to 3.6, and the timelines of tables 3.3 and 3.4."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,6 +19,7 @@ from ethogram.studies.plotting import (
     style,
     svg,
 )
+from ethogram.studies.sharing.compute import SHOWN
 from ethogram.studies.sharing.plan import (
     FILLINGS,
     SCENARIOS,
@@ -27,12 +29,12 @@ from ethogram.studies.sharing.plan import (
     filling_word,
 )
 from ethogram.studies.sharing.results import Records, Results
-from ethogram.studies.sharing.run import SHOWN
 from ethogram.studies.statistics import bootstrap_interval
 from ethogram.worlds.sharing.reward import Scenario
 
 LOOK = dict(zip(STRATEGIES, SERIES, strict=False))  # every strategy looks the same throughout
 SETTING_COLUMNS = ("scenario", "filling")
+Reader = Callable[[xr.Dataset], tuple[np.ndarray, np.ndarray]]  # -> x [point], y [trial, point]
 
 
 @style()
@@ -43,20 +45,8 @@ def figures(records: Records) -> list[Figure]:
         return []
     drawn = [
         _rewards(results),
-        _learning_curves(
-            results,
-            "training_return",
-            name="figure-3-2",
-            title="Figure 3.2: Overall return J over training",
-            quantity="J",
-        ),
-        _learning_curves(
-            results,
-            "training_inequality",
-            name="figure-3-3",
-            title="Figure 3.3: Inequality I over training",
-            quantity="I",
-        ),
+        _curves(results, "3.2", "Overall return", "training_return", "J"),
+        _curves(results, "3.3", "Inequality", "training_inequality", "I"),
         _displacement(results),
         _communication(results),
         _individual_returns(results),
@@ -102,59 +92,51 @@ def _rewards(results: Results) -> Figure:
     )
 
 
-def _learning_curves(
-    results: Results, variable: str, *, name: str, title: str, quantity: str
-) -> Figure:
+def _curves(results: Results, number: str, what: str, variable: str, quantity: str) -> Figure:
     """Figures 3.2 and 3.3."""
-    return _panels(
-        name=name,
-        title=title,
+    return _strategies(
+        results,
+        lambda data: (data["point"].values, data[variable].values),
+        name=f"figure-{number.replace('.', '-')}",
+        title=f"Figure {number}: {what} {quantity} over training",
         caption=f"Mean {quantity} over trials, each point an average over the episodes since "
         "the last, with 95% bootstrap bands. Exploration continues during training.",
         alt=f"Six panels, one per scenario and filling: {quantity} against training episodes "
         "for the four strategies.",
-        columns=("strategy", "episode", "mean", "low", "high"),
         labels=("training episodes", quantity),
-        draw=lambda panel, setting: [
-            (strategy, *row)
-            for strategy in STRATEGIES
-            for row in _line(
-                panel,
-                results,
-                Condition(setting[0], strategy, setting[1]),
-                lambda data: (data["point"].values, data[variable].values),
-                LOOK[strategy],
-                strategy,
-            )
-        ],
     )
 
 
 def _displacement(results: Results) -> Figure:
     """Figure 3.4."""
-    return _panels(
+    return _strategies(
+        results,
+        lambda data: (data["step"].values[:SHOWN], data["displacement"].values[:, :SHOWN]),
         name="figure-3-4",
         title="Figure 3.4: Displacement during the first steps of validation",
         caption="Eq. 3.14, mean over trials with 95% bootstrap bands. 0 is an even split; all "
         "agents on one of two resources, or nobody active, give the number of agents.",
         alt="Six panels, one per scenario and filling: displacement over the first ten steps "
         "for the four strategies.",
-        columns=("strategy", "step", "mean", "low", "high"),
         labels=("step", "displacement d"),
-        draw=lambda panel, setting: [
-            (strategy, *row)
-            for strategy in STRATEGIES
-            for row in _line(
-                panel,
-                results,
-                Condition(setting[0], strategy, setting[1]),
-                lambda data: (data["step"].values[:SHOWN], data["displacement"].values[:, :SHOWN]),
-                LOOK[strategy],
-                strategy,
-                markers=True,
-            )
-        ],
+        markers=True,
     )
+
+
+def _strategies(results: Results, read: Reader, *, markers: bool = False, **frame: Any) -> Figure:
+    """A line per strategy in every panel; `frame` goes to `_panels`."""
+
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
+        rows: list[tuple[Cell, ...]] = []
+        for strategy in STRATEGIES:
+            condition = Condition(setting[0], strategy, setting[1])
+            look = LOOK[strategy]
+            line = _line(panel, results, condition, read, look, strategy, markers=markers)
+            rows += [(strategy, *row) for row in line]
+        return rows
+
+    columns = ("strategy", frame["labels"][0].split()[-1].rstrip("s"), "mean", "low", "high")
+    return _panels(draw=draw, columns=columns, **frame)
 
 
 def _communication(results: Results) -> Figure:
@@ -200,14 +182,13 @@ def _individual_returns(results: Results) -> Figure:
         samples: dict[str, np.ndarray] = {}
         for strategy in STRATEGIES:
             data = results.by_condition.get(Condition(setting[0], strategy, setting[1]))
-            if data is not None:
-                samples[strategy] = data["validation_return"].values.reshape(-1)
-        if samples:
-            looks = [LOOK[strategy] for strategy in STRATEGIES if strategy in samples]
-            draw_boxes(panel, samples, looks)
+            returns = [] if data is None else data["validation_return"].values
+            samples[strategy] = np.reshape(returns, -1)
+        draw_boxes(panel, samples, list(LOOK.values()))
         return [
             (strategy, *(float(quantile) for quantile in np.quantile(sample, _QUANTILES)))
             for strategy, sample in samples.items()
+            if sample.size
         ]
 
     return _panels(
@@ -233,54 +214,57 @@ def _timeline(results: Results, condition: Condition, number: str) -> Figure | N
     if data is None:
         return None
     preference, spoke = data["first_preference"].values[0], data["first_spoke"].values[0]
-    steps, agents = preference.shape
+    changed = preference != np.pad(preference[:-1], ((1, 0), (0, 0)))
     best = int(data["validation_return"].values[0, 0].argmax())
-    before = np.pad(preference[:-1], ((1, 0), (0, 0)))
-    changed = preference != before
-    drawing, panels = new_figure(1, 1, height=0.9 + 0.24 * agents)
-    panel = panels[0, 0]
-    for step in range(steps):
-        for agent in range(agents):
-            panel.plot(
-                step + 1,
-                agent + 1,
-                marker=_symbol(bool(changed[step, agent]), int(preference[step, agent])),
-                markersize=8,
-                markeredgewidth=1.3,
-                color=LOOK["always"].colour if spoke[step, agent] else INK,
-                fillstyle="full" if spoke[step, agent] else "none",
-            )
-    names = [f"{agent + 1} ★" if agent == best else str(agent + 1) for agent in range(agents)]
-    panel.set_yticks(range(1, agents + 1), names)
-    panel.set_xticks(range(1, steps + 1))
-    panel.set(xlabel="step", ylabel="agent", xlim=(0.4, steps + 0.6), ylim=(agents + 0.6, 0.4))
-    panel.grid(visible=False)
+    name, (steps, agents) = f"table-{number.replace('.', '-')}", preference.shape
     filling = filling_word(condition.observed)
+    rows: list[tuple[Cell, ...]] = [
+        (
+            agent + 1,
+            step + 1,
+            "change" if changed[step, agent] else "confirm",
+            int(preference[step, agent]),
+            "yes" if spoke[step, agent] else "no",
+        )
+        for agent in range(agents)
+        for step in range(steps)
+    ]
     return Figure(
-        name=f"table-{number.replace('.', '-')}",
+        name=name,
         title=f"Table {number}: Optional communication, {condition.scenario}, filling {filling}",
         caption="The first steps of the first trial's first validation episode. Circle: confirms "
         "its preference; triangle down: changes it to resource 1; triangle up: to resource 2 (a "
         "number names any other). Filled: speaks. ★: earns most in the episode.",
         alt=f"A grid of {agents} agents by {steps} steps; {int(spoke.sum())} of "
         f"{spoke.size} acts are spoken and {int(changed.sum())} change a preference.",
-        svg=svg(drawing),
-        data=_data(
-            f"table-{number.replace('.', '-')}",
-            ("agent", "step", "act", "preference", "speaks"),
-            [
-                (
-                    agent + 1,
-                    step + 1,
-                    "change" if changed[step, agent] else "confirm",
-                    int(preference[step, agent]),
-                    "yes" if spoke[step, agent] else "no",
-                )
-                for agent in range(agents)
-                for step in range(steps)
-            ],
-        ),
+        svg=_draw_timeline(preference, changed, spoke, best),
+        data=_data(name, ("agent", "step", "act", "preference", "speaks"), rows),
     )
+
+
+def _draw_timeline(
+    preference: np.ndarray, changed: np.ndarray, spoke: np.ndarray, best: int
+) -> str:
+    """A row of symbols per agent (the second axis), a column per step; the best agent starred."""
+    steps, agents = preference.shape
+    drawing, panels = new_figure(1, 1, height=0.9 + 0.24 * agents)
+    panel = panels[0, 0]
+    for (step, agent), speaks in np.ndenumerate(spoke):
+        panel.plot(
+            step + 1,
+            agent + 1,
+            marker=_symbol(bool(changed[step, agent]), int(preference[step, agent])),
+            markersize=8,
+            markeredgewidth=1.3,
+            color=LOOK["always"].colour if speaks else INK,
+            fillstyle="full" if speaks else "none",
+        )
+    names = [f"{agent + 1} ★" if agent == best else str(agent + 1) for agent in range(agents)]
+    panel.set_yticks(range(1, agents + 1), names)
+    panel.set_xticks(range(1, steps + 1))
+    panel.set(xlabel="step", ylabel="agent", xlim=(0.4, steps + 0.6), ylim=(agents + 0.6, 0.4))
+    panel.grid(visible=False)
+    return svg(drawing)
 
 
 def _symbol(changed: bool, preference: int) -> str:
@@ -333,7 +317,7 @@ def _line(
     panel: Axes,
     results: Results,
     condition: Condition,
-    read: Callable[[xr.Dataset], tuple[np.ndarray, np.ndarray]],
+    read: Reader,
     series: Series,
     label: str,
     *,

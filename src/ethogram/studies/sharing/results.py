@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from ethogram.studies.sharing.compute import SHOWN, inequality
 from ethogram.studies.sharing.plan import (
     FILLINGS,
     SCENARIOS,
@@ -13,7 +14,6 @@ from ethogram.studies.sharing.plan import (
     Condition,
     Strategy,
 )
-from ethogram.studies.sharing.run import SHOWN, inequality
 from ethogram.studies.sharing.validation import ACTS
 from ethogram.studies.statistics import Trials
 from ethogram.worlds.sharing.reward import Scenario
@@ -97,12 +97,12 @@ def best_return(data: xr.Dataset, _: Condition) -> np.ndarray:
 
 
 def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
-    """Displacement at step 10 less its mean over the later steps; undefined without those."""
+    """How far the displacement at step 10 is from its later mean; undefined without one."""
     displacement = data["displacement"].values
     later = displacement[:, SHOWN:]
     if later.shape[1] == 0:
         return np.full(len(displacement), np.nan)
-    return displacement[:, SHOWN - 1] - later.mean(1)
+    return np.abs(displacement[:, SHOWN - 1] - later.mean(1))
 
 
 def steps_to_optimum(data: xr.Dataset, condition: Condition) -> np.ndarray:
