@@ -199,7 +199,7 @@ def test_a_checkpoint_goes_on_to_the_same_record(monkeypatch):
             return None if self.found is None else dict(self.found)
 
         def checkpoint(self, make):
-            saved.append(make())
+            saved.append({name: array.copy() for name, array in make().items()})
 
     whole = study.run(case, Interrupted(None))["results"]
     after_50_of_60_episodes = saved[1]

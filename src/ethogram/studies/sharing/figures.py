@@ -182,8 +182,8 @@ def _individual_returns(results: Results) -> Figure:
         samples: dict[str, np.ndarray] = {}
         for strategy in STRATEGIES:
             data = results.by_condition.get(Condition(setting[0], strategy, setting[1]))
-            returns = [] if data is None else data["validation_return"].values
-            samples[strategy] = np.reshape(returns, -1)
+            returns = np.empty(0) if data is None else data["validation_return"].values
+            samples[strategy] = returns.reshape(-1)
         draw_boxes(panel, samples, list(LOOK.values()))
         return [
             (strategy, *(float(quantile) for quantile in np.quantile(sample, _QUANTILES)))
