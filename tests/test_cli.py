@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from ethogram.cli import main
+from ethogram.core import memory
 from ethogram.core.registry import Registry
 
 RUN = ("run", "toy", "--plan", "smoke", "--engine", "inline")
@@ -145,12 +147,39 @@ def test_what_is_wrong_gets_one_clear_message_and_exit_code_2(ethogram, argument
         assert part in said
 
 
+def test_a_lost_plan_hides_no_record_and_is_made_again_by_a_run(ethogram):
+    ethogram(*RUN)
+    before = ethogram("digest", "results")[1]
+    Path("results/toy/plan.json").unlink()
+    assert ethogram("digest", "results")[1] == before
+    code, _, said = ethogram("claims", "results")
+    assert code == 2
+    assert "Run the plan again" in said
+    ethogram(*RUN)
+    assert ethogram("claims", "results")[0] == 0
+
+
+def test_results_of_a_study_that_is_not_installed_are_left_out_with_a_word(ethogram):
+    ethogram(*RUN)
+    shutil.copytree("results/toy", "results/other")
+    code, out, said = ethogram("claims", "results")
+    assert (code, out.splitlines()[0]) == (0, "toy")
+    assert "no study of the name 'other'" in said
+
+
+def test_a_dry_run_says_what_does_not_fit_in_memory(ethogram, monkeypatch):
+    monkeypatch.setattr(memory, "available_memory", lambda: 0)
+    code, _, said = ethogram(*RUN, "--dry-run")
+    assert code == 0
+    assert "they would fail" in said
+
+
 @pytest.mark.parametrize("out", ["file", "file/below"])
 def test_a_folder_that_cannot_be_is_named(ethogram, out):
     Path("file").write_text("in the way")
     code, _, said = ethogram(*RUN, "--out", out)
     assert code == 2
-    assert "file" in said
+    assert "is a file, not a folder" in said
     assert Path("file").read_text() == "in the way"
 
 

@@ -243,7 +243,7 @@ def _conclude(summaries: "Sequence[Summary]", out: Path) -> int:
 def _show(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]", crew: int) -> None:
     """List the cases of a plan, and what those that a run would compute take together."""
     from ethogram.campaign.display import readable_seconds
-    from ethogram.core.memory import readable_bytes
+    from ethogram.core.memory import available_memory, readable_bytes
 
     table = Table("case", "state", "time", "memory", box=None)
     for prospect in prospects:
@@ -260,6 +260,13 @@ def _show(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]", crew: in
         f"{len(to_do)} of {len(prospects)} cases to do, {crew} at a time: about "
         f"{readable_seconds(seconds)} and {readable_bytes(peak)} of memory."
     )
+    free = available_memory()
+    too_large = [prospect.case.name for prospect in to_do if prospect.cost.bytes > free]
+    if too_large:
+        _say(
+            f"{len(too_large)} need more than the {readable_bytes(free)} that are free: "
+            "they would fail."
+        )
 
 
 def _collected(folder: Path) -> "list[tuple[Study, Collected]]":
@@ -268,7 +275,11 @@ def _collected(folder: Path) -> "list[tuple[Study, Collected]]":
     from ethogram.studies import STUDIES
 
     found = []
+    known = STUDIES.names()
     for name, store in stores(folder).items():
+        if name not in known:
+            _say(f"{store.folder} is left out: no study of the name {name!r} is installed.")
+            continue
         study, collected = STUDIES.get(name), collect(store)
         if collected.planned.version != study.VERSION:
             raise EthogramError(

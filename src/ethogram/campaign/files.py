@@ -85,12 +85,16 @@ def locked(path: Path, *, wait: bool) -> Iterator[bool]:
         os.close(descriptor)
 
 
+def require_folder(path: Path) -> None:
+    """Refuse a path at which, or on the way to which, a file stands."""
+    for above in (path, *path.parents):
+        if above.is_file():
+            raise StorageError(f"{str(above)!r} is a file, not a folder.")
+
+
 def make_folders(root: Path, names: tuple[str, ...]) -> None:
     """Make a folder and those in it, for good."""
     with storing(root):
-        for above in (root, *root.parents):
-            if above.exists() and not above.is_dir():
-                raise StorageError(f"{str(above)!r} is a file, not a folder.")
         for name in names:
             (root / name).mkdir(parents=True, exist_ok=True)
         _synchronise(root)

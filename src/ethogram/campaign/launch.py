@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.engines import Engine, inline
+from ethogram.campaign.files import require_folder
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now
 from ethogram.campaign.run import Job, Receipt
@@ -63,6 +64,7 @@ def survey(study: Study, plan: Plan[Any], folder: Path) -> list[Prospect]:
     cases = study.cases(plan)
     if len({case.name for case in cases}) < len(cases):
         raise EthogramError(f"The study {study.NAME!r} gives two cases the same name.")
+    require_folder(folder)
     store = Store(folder / study.NAME)
     return [Prospect(case, store.state(case.id), study.cost(case)) for case in cases]
 

@@ -11,6 +11,12 @@ from ethogram.campaign.store import PLAN, Store
 from ethogram.campaign.trees import canonical
 from ethogram.core.errors import EthogramError
 
+_RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."
+_DAMAGED_AGAIN = (
+    "A run of the plan that a damaged record belongs to computes it again; a record that is no "
+    "longer wanted is removed with its manifest's file."
+)
+
 
 def stores(folder: Path) -> dict[str, Store]:
     """The stores in a results folder by study, or an error with the folder likely meant."""
@@ -51,9 +57,12 @@ class Collected:
 
 def collect(store: Store) -> Collected:
     """Read the records of the run that was asked for last, every byte of them verified."""
-    planned = store.planned_run()
+    try:
+        planned = store.planned_run()
+    except Damaged as damage:
+        raise EthogramError(f"{damage} {_RUN_AGAIN}") from damage
     if planned is None:
-        raise EthogramError(f"{str(store.folder)!r} holds no results.")
+        raise EthogramError(f"{str(store.folder / PLAN)!r} is missing. {_RUN_AGAIN}")
     records, manifests, failures, damages = {}, [], [], []
     for name, case_id in planned.cases:
         try:
@@ -82,7 +91,7 @@ def digest(folder: Path) -> str:
             else:
                 manifests += [] if manifest is None else [manifest]
     if damages:
-        raise EthogramError("\n".join([*damages, "The next run of its plan computes it again."]))
+        raise EthogramError("\n".join([*damages, _DAMAGED_AGAIN]))
     return digest_of(manifests)
 
 
@@ -92,7 +101,9 @@ def digest_of(manifests: Iterable[Manifest]) -> str:
 
 
 def _planned(folder: Path) -> list[Path]:
-    return sorted(path.parent for path in folder.glob(f"*/{PLAN}"))
+    """The stores in a folder, known by a plan or by records."""
+    marks = (f"*/{PLAN}", "*/manifests")
+    return sorted({path.parent for mark in marks for path in folder.glob(mark)})
 
 
 def _likely(folder: Path) -> str:
