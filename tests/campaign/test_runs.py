@@ -138,6 +138,19 @@ def test_a_case_whose_worker_is_killed_each_time_fails_and_says_so(tmp_path, mis
     assert failures["c"] == "Its worker process ended 3 times, last with exit code 3"
 
 
+def test_a_worker_that_is_killed_while_it_starts_is_replaced(expected, tmp_path, mishaps):
+    mishaps("start", *["die"] * (ATTEMPTS - 1))
+    assert run_toy(tmp_path, engine=pool, workers=1).failures == ()
+    assert mishaps.happened()
+    assert digest(tmp_path) == expected
+
+
+def test_workers_that_never_start_end_the_run_with_a_message(tmp_path, mishaps):
+    mishaps("start", *["die"] * ATTEMPTS)
+    with pytest.raises(EthogramError, match=r"Worker processes cannot start; .* signal 9"):
+        run_toy(tmp_path, engine=pool, workers=1)
+
+
 def test_workers_do_not_see_the_interrupts_of_the_terminal(tmp_path, mishaps):
     mishaps("a", "interrupt")
     run = start_command("run", "toy", "--plan", "smoke", "--out", tmp_path, "--workers", "1")
@@ -175,6 +188,25 @@ def test_a_killed_case_goes_on_from_its_checkpoint(expected, tmp_path, monkeypat
     assert len(list(tmp_path.glob(f"toy/checkpoints/{case.id}.*"))) == 1
     run_toy(tmp_path)
     assert seen[:4] == [1, 2, 2, 3]
+    assert digest(tmp_path) == expected
+
+
+def test_a_case_that_failed_is_tried_again_from_its_checkpoint(expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(context, "CHECKPOINT_SECONDS", 0.0)
+    seen = []
+
+    class FailingContext(Context):
+        def progress(self, done, total):
+            del total
+            seen.append(done)
+            if seen == [1, 2]:
+                raise ValueError("broke in its second chunk")
+
+    monkeypatch.setattr("ethogram.campaign.run.Context", FailingContext)
+    assert run_toy(tmp_path).failures == (("a", "ValueError: broke in its second chunk"),)
+    first_run = len(seen)
+    assert run_toy(tmp_path, retry_failed=True).failures == ()
+    assert seen[first_run] == 2  # not the first chunk again
     assert digest(tmp_path) == expected
 
 

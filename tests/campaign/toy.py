@@ -190,3 +190,6 @@ def claims(records: Records) -> list[Claim]:
             note="no walk was long enough",
         ),
     ]
+
+
+_come_to_grief("start")  # in a worker's process, before it has a case

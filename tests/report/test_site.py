@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -99,3 +100,22 @@ def test_a_slug_is_a_plain_file_name_and_different_for_different_names() -> None
     assert len(set(slugs)) == len(names)
     assert all(set(s) <= set("abcdefghijklmnopqrstuvwxyz0123456789_-") for s in slugs)
     assert all(0 < len(s) < 80 for s in slugs)
+
+
+def test_the_page_as_markdown_says_what_the_page_says(folder: Path, sharing: StudyPage) -> None:
+    text = (folder / "report" / "sharing.md").read_text()
+    for claim in sharing.claims:
+        assert f"{claim.number}. **{claim.verdict}**: " in text
+    for figure in sharing.figures:
+        assert f"](sharing/{figure.name}.svg)" in text
+    for link in re.findall(r"\]\((.+?)\)", text):
+        assert (folder / "report" / link).is_file()
+
+
+def test_text_cannot_become_markup_in_markdown(tmp_path: Path, bare: StudyPage) -> None:
+    hostile = "<b>a</b> | [x](y) *z*\n# `h` $m$ &amp;"
+    write(tmp_path, [replace(bare, title=hostile, command=hostile)])
+    text = (tmp_path / "report" / "bare.md").read_text()
+    shown = r"\<b\>a\</b\> \| \[x\](y) \*z\* \# \`h\` \$m\$ \&amp;"
+    assert text.startswith(f"# {shown}\n")
+    assert r"`<b>a</b> \| [x](y) *z* # 'h' $m$ &amp;`" in text
