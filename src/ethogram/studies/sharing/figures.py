@@ -1,6 +1,7 @@
 """Figures 3.1 to 3.6, and the timelines of tables 3.3 and 3.4."""
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,6 @@ from ethogram.studies.sharing.compute import SHOWN
 from ethogram.studies.sharing.plan import (
     FILLINGS,
     SCENARIOS,
-    SETTINGS,
     STRATEGIES,
     Condition,
     filling_word,
@@ -101,8 +101,9 @@ def _curves(results: Results, number: str, what: str, variable: str, quantity: s
         title=f"Figure {number}: {what} {quantity} over training",
         caption=f"Mean {quantity} over trials, each point an average over the episodes since "
         "the last, with 95% bootstrap bands. Exploration continues during training.",
-        alt=f"Six panels, one per scenario and filling: {quantity} against training episodes "
+        alt=f"A panel per scenario and filling: {quantity} against training episodes "
         "for the four strategies.",
+        columns=("strategy", "episode", "mean", "low", "high"),
         labels=("training episodes", quantity),
     )
 
@@ -116,8 +117,9 @@ def _displacement(results: Results) -> Figure:
         title="Figure 3.4: Displacement during the first steps of validation",
         caption="Eq. 3.14, mean over trials with 95% bootstrap bands. 0 is an even split; all "
         "agents on one of two resources, or nobody active, give the number of agents.",
-        alt="Six panels, one per scenario and filling: displacement over the first ten steps "
+        alt="A panel per scenario and filling: displacement over the first ten steps "
         "for the four strategies.",
+        columns=("strategy", "step", "mean", "low", "high"),
         labels=("step", "displacement d"),
         markers=True,
     )
@@ -135,8 +137,7 @@ def _strategies(results: Results, read: Reader, *, markers: bool = False, **fram
             rows += [(strategy, *row) for row in line]
         return rows
 
-    columns = ("strategy", frame["labels"][0].split()[-1].rstrip("s"), "mean", "low", "high")
-    return _panels(draw=draw, columns=columns, **frame)
+    return _panels(results, draw=draw, **frame)
 
 
 def _communication(results: Results) -> Figure:
@@ -163,11 +164,12 @@ def _communication(results: Results) -> Figure:
         ]
 
     return _panels(
+        results,
         name="figure-3-5",
         title="Figure 3.5: Communication and reward with optional communication",
         caption="Share of agents that speak (eq. 3.15) and mean reward (eq. 3.16) over the first "
         "steps of validation, mean over trials with 95% bootstrap bands.",
-        alt="Six panels, one per scenario and filling: average communication and average reward "
+        alt="A panel per scenario and filling: average communication and average reward "
         "over the first ten steps.",
         columns=("quantity", "step", "mean", "low", "high"),
         labels=("step", "share, reward"),
@@ -192,11 +194,12 @@ def _individual_returns(results: Results) -> Figure:
         ]
 
     return _panels(
+        results,
         name="figure-3-6",
         title="Figure 3.6: Individual return in validation",
         caption="Return of every agent in every validation episode of every trial; boxes are "
         "quartiles, whiskers reach 1.5 times their distance.",
-        alt="Six panels, one per scenario and filling: box plots of individual return for the "
+        alt="A panel per scenario and filling: box plots of individual return for the "
         "four strategies.",
         columns=("strategy", "minimum", "lower quartile", "median", "upper quartile", "maximum"),
         labels=("", "return"),
@@ -274,6 +277,7 @@ def _symbol(changed: bool, preference: int) -> str:
 
 
 def _panels(
+    results: Results,
     *,
     name: str,
     title: str,
@@ -284,10 +288,13 @@ def _panels(
     draw: Callable[[Axes, tuple[Scenario, bool]], Sequence[tuple[Cell, ...]]],
     legend: bool = True,
 ) -> Figure:
-    """A figure with a row of panels per scenario and a column per filling."""
-    drawing, panels = new_figure(len(SCENARIOS), len(FILLINGS))
+    """A figure with a row of panels per scenario that was run and a column per filling."""
+    run = results.by_condition
+    scenarios = [each for each in SCENARIOS if any(at.scenario == each for at in run)]
+    fillings = [each for each in FILLINGS if any(at.observed == each for at in run)]
+    drawing, panels = new_figure(len(scenarios), len(fillings))
     rows: list[tuple[Cell, ...]] = []
-    for (scenario, observed), panel in zip(SETTINGS, panels.flat, strict=True):
+    for (scenario, observed), panel in zip(product(scenarios, fillings), panels.flat, strict=True):
         panel.set_title(f"{scenario}, filling {filling_word(observed)}")
         drawn = draw(panel, (scenario, observed))
         rows += [(scenario, filling_word(observed), *row) for row in drawn]
