@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 
 from ethogram import cli
 from ethogram.campaign.context import Context
+from ethogram.core.errors import TooLarge
 from ethogram.core.rollout import Transition
 from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome
@@ -206,6 +207,22 @@ def test_a_checkpoint_goes_on_to_the_same_record(monkeypatch):
     resumed = study.run(case, Interrupted(after_50_of_60_episodes))["results"]
     assert len(saved) == 4  # the second run had one chunk left
     xr.testing.assert_identical(whole, resumed)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ["world.steps=1000000", "trials=10000"],  # an episode of all trials
+        ["episodes=100000000", "record_every=1", "trials=10000"],  # the learning curves
+        ["validation_episodes=1000000", "world.agents=10000"],  # the returns
+        ["strategy=optional", "world.agents=20", "world.resources=4"],  # the tables
+    ],
+)
+def test_a_case_too_large_for_memory_is_refused_before_it_is_computed(changes):
+    one = ["world.scenario=mixed", "world.observe_filling=false", "strategy=none"]
+    case = study.cases(study.PLANS["smoke"].override([*one, *changes]))[0]
+    with pytest.raises(TooLarge, match=r"needs .* of memory; .* are free"):
+        study.run(case, Context())
 
 
 # what fixes a compiled program: drawn freely in the slow test, from a few in the fast one

@@ -24,6 +24,7 @@ from ethogram.worlds.sharing.scene import record
 AGENT_STEPS_PER_SECOND = 14e6  # training, one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 3.0
 PROCESS_BYTES = 500_000_000  # Python, JAX and compiled programs
+RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 CHUNK_AGENT_STEPS = 20_000_000  # between two checkpoints: a second or two
 SHOWN = 10  # steps that figures 3.4 and 3.5 and tables 3.3 and 3.4 show
 
@@ -36,10 +37,14 @@ def cost(case: Case) -> Cost:
     settings = case.parsed(Settings)
     learner, per_episode = learner_of(settings), _agent_steps(settings)
     episodes = settings.episodes + settings.validation_episodes
-    recorded = 4 * settings.trials * settings.validation_episodes * settings.world.agents
+    points = settings.episodes // settings.record_every
+    recorded = settings.trials * (points + settings.validation_episodes * settings.world.agents)
     return Cost(
         seconds=COMPILE_SECONDS + episodes * per_episode / AGENT_STEPS_PER_SECOND,
-        bytes=PROCESS_BYTES + 3 * learner.table_bytes + TRANSITION_BYTES * per_episode + recorded,
+        bytes=PROCESS_BYTES
+        + 3 * learner.table_bytes
+        + TRANSITION_BYTES * per_episode
+        + RECORDED_BYTES * recorded,
     )
 
 

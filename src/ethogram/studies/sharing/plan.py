@@ -17,7 +17,7 @@ NAME = "sharing"
 VERSION = "1"  # goes up whenever the same settings would give other numbers
 
 Strategy = Literal["always", "optional", "none", "random"]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=100_000_000)]
 
 if TYPE_CHECKING:
     WorldSettings: TypeAlias = Any
@@ -38,9 +38,9 @@ class Settings:
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
     exploration: ExplorationSettings = Field(default_factory=ExplorationSettings)
     episodes: Count = 20_000  # of training
-    validation_episodes: Count = 100  # greedy
+    validation_episodes: Annotated[int, Field(ge=1, le=1_000_000)] = 100  # greedy
     record_every: Count = 100  # training episodes per recorded point
-    trials: Count = 20
+    trials: Annotated[int, Field(ge=1, le=10_000)] = 20
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 
