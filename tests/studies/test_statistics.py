@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import hypothesis.strategies as st
@@ -17,6 +18,7 @@ from ethogram.studies.statistics import (
     difference,
     holm,
     judge,
+    measured,
 )
 
 SIDES: tuple[Side, ...] = ("at least", "more than", "at most", "less than", "within")
@@ -93,6 +95,14 @@ def test_resampling_in_blocks_changes_nothing():
 def test_an_interval_of_no_trial_is_refused():
     with pytest.raises(ValueError, match="at least one trial"):
         bootstrap_interval(np.array([]))
+
+
+def test_a_measured_statistic_is_that_of_the_trials_beside_the_published_one():
+    values = np.array([1.0, 2.0, 6.0])
+    cell = measured(Trials("a condition", values), np.max, published=5.0)
+    assert (cell.value, cell.high, cell.published) == (6.0, 6.0, 5.0)
+    assert measured(Trials("a condition", values)).low == bootstrap_interval(values).low
+    assert measured(Trials("a condition", None)) is None
 
 
 # The test of a part, against SciPy and by hand
@@ -270,6 +280,17 @@ def test_trials_without_a_value_leave_a_claim_undecided():
 def test_a_claim_refuted_elsewhere_does_not_need_the_part_that_cannot_be_tested():
     claim = verdict(part((1.0, trials(1.0))), part((1.0, normal(1, -9.0)), label="there"))
     assert (claim.verdict, claim.note) == ("refuted", "rests on: there")
+
+
+@pytest.mark.parametrize("mean", [9.0, -9.0])
+def test_a_reservation_withholds_the_verdict_and_nothing_else(mean):
+    one = part((1.0, normal(1, mean)), label="here"), part((1.0, normal(2, mean)), label="there")
+    plain = spec(*one)
+    reserved = dataclasses.replace(plain, reservation="trained for too short a time")
+    (decided,), (withheld,) = judge([plain]), judge([reserved])
+    assert decided.verdict != "undecided"
+    note = f"trained for too short a time; {decided.note}"
+    assert withheld == dataclasses.replace(decided, verdict="undecided", note=note)
 
 
 def test_a_spec_that_states_nothing_testable_is_refused():

@@ -14,9 +14,9 @@ user's own settings file has no influence:
         for panel, condition in zip(panels.flat, curves):
             panel.set_title(condition.title)
             for series, line in zip(SERIES, condition.lines):
-                draw_band(panel, line.episode, line.mean, line.low, line.high, series, line.name)
-        draw_legend(drawing, panels[0, 0])
-        return Figure(..., svg=svg(drawing))
+                rows += draw_mean(panel, line.episode, line.reward, series, line.name)
+        draw_legend(drawing, fullest(panels))
+        return Figure(..., svg=svg(drawing), data=data_table("rewards", columns, rows))
 """
 
 import io
@@ -31,7 +31,12 @@ from matplotlib import style as matplotlib_style
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure as Drawing
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+from ethogram.core.findings import Cell, Table
+from ethogram.studies.statistics import bootstrap_interval
+
+Row = tuple[Cell, ...]  # of a figure's data
 
 # matplotlib knows no currentColor: it draws with this colour, and `svg` puts the other in.
 INK = "#010203"
@@ -148,8 +153,38 @@ def draw_band(
     )
 
 
-def draw_boxes(axes: Axes, samples: Mapping[str, ArrayLike], series: Sequence[Series]) -> None:
-    """One box per named sample: quartiles, median in the page's ink, whiskers at 1.5 IQR."""
+def draw_mean(
+    axes: Axes,
+    x: ArrayLike,
+    samples: NDArray[Any],
+    series: Series,
+    label: str,
+    *,
+    markers: bool = False,
+) -> list[Row]:
+    """Draw the mean over trials, the first axis of `samples`, with its 95% bootstrap band.
+
+    Returns what was drawn as rows of x, mean, low, high.
+    """
+    mean = samples.mean(0)
+    low, high = bootstrap_interval(samples, resamples=500)
+    draw_band(axes, x, mean, low, high, series, label, markers=markers)
+    return [
+        (float(at), *(float(number) for number in numbers))
+        for at, *numbers in zip(np.asarray(x), mean, low, high, strict=True)
+    ]
+
+
+BOX_COLUMNS = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
+
+
+def draw_boxes(
+    axes: Axes, samples: Mapping[str, NDArray[Any]], series: Sequence[Series]
+) -> list[Row]:
+    """One box per named sample: quartiles, median in the page's ink, whiskers at 1.5 IQR.
+
+    Returns, for each sample that is not empty, a row of its name and `BOX_COLUMNS`.
+    """
     drawn = axes.boxplot(
         [np.asarray(sample, dtype=float) for sample in samples.values()],
         manage_ticks=False,  # which would tick shared axes once per panel
@@ -169,12 +204,31 @@ def draw_boxes(axes: Axes, samples: Mapping[str, ArrayLike], series: Sequence[Se
         for line in (*whisker, *cap):
             line.set_color(look.colour)
         outliers.set(markerfacecolor=look.colour, markeredgecolor="none")
+    quartiles = (0, 0.25, 0.5, 0.75, 1)
+    return [
+        (name, *(float(quantile) for quantile in np.quantile(sample, quartiles)))
+        for name, sample in samples.items()
+        if np.size(sample)
+    ]
 
 
 def draw_legend(drawing: Drawing, panel: Axes, *, columns: int = 4) -> None:
     """Name the series of `panel` once, above all panels, the same everywhere."""
     handles, labels = panel.get_legend_handles_labels()
     drawing.legend(handles, labels, loc="outside upper left", ncols=columns, borderaxespad=0.2)
+
+
+def fullest(panels: NDArray[Any]) -> Axes:
+    """The panel with the most series, to take the legend from."""
+    axes: Axes = max(panels.flat, key=lambda panel: len(panel.get_legend_handles_labels()[0]))
+    return axes
+
+
+def data_table(figure: str, columns: tuple[str, ...], rows: Sequence[Row]) -> Table:
+    """The numbers behind the figure of that name."""
+    return Table(
+        name=figure, title=f"Data of {figure}", caption="", columns=columns, rows=tuple(rows)
+    )
 
 
 def svg(drawing: Drawing) -> str:

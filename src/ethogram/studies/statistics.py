@@ -13,7 +13,8 @@ A claim is confirmed by its weakest part (the intersection-union test: p = max p
 by its strongest counter-example (Bonferroni over k parts: p = k min p_fails).  Twice the smaller of
 the two is the claim's p-value, to which Holm's step-down correction (1979) over the claims of the
 study is applied.  The interval reported is that of the deciding part at the level that Holm leaves
-to the claim, so it lies wholly on one side of the margin exactly when the verdict is a decision.
+to the claim, so it lies wholly on one side of the margin exactly when the verdict is a decision,
+unless a reservation withholds it.
 """
 
 import math
@@ -25,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from ethogram.core.findings import Claim, Verdict
+from ethogram.core.findings import Claim, Measured, Verdict
 
 FAMILY_ERROR = 0.05  # chance of one wrong verdict or more among a study's claims
 ROUNDING = 1e-9  # relative to an effect's terms: differences below it are floating point's
@@ -94,6 +95,17 @@ class Trials:
         return f"fewer than two trials: {self.name}" if values.size < 2 else ""
 
 
+def measured(
+    trials: Trials, statistic: Callable[..., Any] = np.mean, *, published: float | None = None
+) -> Measured | None:
+    """A statistic over trials with its bootstrap interval; None where nothing was run."""
+    if trials.values is None:
+        return None
+    low, high = bootstrap_interval(trials.values, statistic)
+    value = float(statistic(trials.values))
+    return Measured(value=value, low=float(low), high=float(high), published=published)
+
+
 Terms = tuple[tuple[float, Trials], ...]
 
 
@@ -132,13 +144,18 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimSpec:
-    """A claim as stated before the run; it holds if all of its parts do."""
+    """A claim as stated before the run; it holds if all of its parts do.
+
+    A reservation, such as "trained for a tenth of the time", says why these trials cannot decide
+    the claim: it is tested all the same, and stays undecided whatever the test gives.
+    """
 
     number: int  # unique in the study
     statement: str
     source: str
     test: str
     parts: tuple[Part, ...]
+    reservation: str = ""
 
     def __post_init__(self) -> None:
         if not self.parts:
@@ -329,6 +346,8 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected) -
         verdict, level = "confirmed", corrected.level
     elif corrected.rejected:
         verdict, decisive = "refuted", min(parts, key=lambda one: one.p_fails)
+    if spec.reservation:
+        verdict = "undecided"
     effect = decisive.effect
     interval = Interval(None, None) if effect is None else effect.interval(level)
     rests = f"rests on: {decisive.part.label}" if len(parts) > 1 else ""
@@ -343,5 +362,5 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected) -
         unit=decisive.part.unit,
         p_value=corrected.p_value,
         verdict=verdict,
-        note="; ".join(filter(None, [rests, decisive.note])),
+        note="; ".join(filter(None, [spec.reservation, rests, decisive.note])),
     )

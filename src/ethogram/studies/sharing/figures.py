@@ -8,14 +8,18 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ethogram.core.findings import Cell, Figure, Table
+from ethogram.core.findings import Figure
 from ethogram.studies.plotting import (
+    BOX_COLUMNS,
     INK,
     SERIES,
+    Row,
     Series,
-    draw_band,
+    data_table,
     draw_boxes,
     draw_legend,
+    draw_mean,
+    fullest,
     new_figure,
     style,
     svg,
@@ -29,7 +33,6 @@ from ethogram.studies.sharing.plan import (
     filling_word,
 )
 from ethogram.studies.sharing.results import Records, Results
-from ethogram.studies.statistics import bootstrap_interval
 from ethogram.worlds.sharing.reward import Scenario
 
 LOOK = dict(zip(STRATEGIES, SERIES, strict=False))  # every strategy looks the same throughout
@@ -60,7 +63,7 @@ def _rewards(results: Results) -> Figure:
     """Figure 3.1."""
     drawing, panels = new_figure(1, 1)
     panel = panels[0, 0]
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for scenario, series in zip(SCENARIOS, SERIES, strict=False):
         found = [data for at, data in results.by_condition.items() if at.scenario == scenario]
         if not found:
@@ -88,7 +91,7 @@ def _rewards(results: Results) -> Figure:
         alt="Reward against filling: rising in the cooperative scenario, falling in the "
         "competitive one, rising to the capacity and then falling in the mixed one.",
         svg=svg(drawing),
-        data=_data("figure-3-1", ("scenario", "filling", "reward"), rows),
+        data=data_table("figure-3-1", ("scenario", "filling", "reward"), rows),
     )
 
 
@@ -128,8 +131,8 @@ def _displacement(results: Results) -> Figure:
 def _strategies(results: Results, read: Reader, *, markers: bool = False, **frame: Any) -> Figure:
     """A line per strategy in every panel; `frame` goes to `_panels`."""
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
-        rows: list[tuple[Cell, ...]] = []
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
+        rows: list[Row] = []
         for strategy in STRATEGIES:
             condition = Condition(setting[0], strategy, setting[1])
             look = LOOK[strategy]
@@ -144,7 +147,7 @@ def _communication(results: Results) -> Figure:
     """Figure 3.5."""
     shown = (("communication", SERIES[0]), ("reward", SERIES[1]))
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
         condition = Condition(setting[0], "optional", setting[1])
         return [
             (variable, *row)
@@ -180,18 +183,13 @@ def _communication(results: Results) -> Figure:
 def _individual_returns(results: Results) -> Figure:
     """Figure 3.6."""
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[tuple[Cell, ...]]:
+    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
         samples: dict[str, np.ndarray] = {}
         for strategy in STRATEGIES:
             data = results.by_condition.get(Condition(setting[0], strategy, setting[1]))
             returns = np.empty(0) if data is None else data["validation_return"].values
             samples[strategy] = returns.reshape(-1)
-        draw_boxes(panel, samples, list(LOOK.values()))
-        return [
-            (strategy, *(float(quantile) for quantile in np.quantile(sample, _QUANTILES)))
-            for strategy, sample in samples.items()
-            if sample.size
-        ]
+        return draw_boxes(panel, samples, list(LOOK.values()))
 
     return _panels(
         results,
@@ -201,14 +199,11 @@ def _individual_returns(results: Results) -> Figure:
         "quartiles, whiskers reach 1.5 times their distance.",
         alt="A panel per scenario and filling: box plots of individual return for the "
         "four strategies.",
-        columns=("strategy", "minimum", "lower quartile", "median", "upper quartile", "maximum"),
+        columns=("strategy", *BOX_COLUMNS),
         labels=("", "return"),
         draw=draw,
         legend=False,
     )
-
-
-_QUANTILES = (0, 0.25, 0.5, 0.75, 1)
 
 
 def _timeline(results: Results, condition: Condition, number: str) -> Figure | None:
@@ -221,7 +216,7 @@ def _timeline(results: Results, condition: Condition, number: str) -> Figure | N
     best = int(data["validation_return"].values[0, 0].argmax())
     name, (steps, agents) = f"table-{number.replace('.', '-')}", preference.shape
     filling = filling_word(condition.observed)
-    rows: list[tuple[Cell, ...]] = [
+    rows: list[Row] = [
         (
             agent + 1,
             step + 1,
@@ -241,7 +236,7 @@ def _timeline(results: Results, condition: Condition, number: str) -> Figure | N
         alt=f"A grid of {agents} agents by {steps} steps; {int(spoke.sum())} of "
         f"{spoke.size} acts are spoken and {int(changed.sum())} change a preference.",
         svg=_draw_timeline(preference, changed, spoke, best),
-        data=_data(name, ("agent", "step", "act", "preference", "speaks"), rows),
+        data=data_table(name, ("agent", "step", "act", "preference", "speaks"), rows),
     )
 
 
@@ -285,7 +280,7 @@ def _panels(
     alt: str,
     columns: tuple[str, ...],
     labels: tuple[str, str],
-    draw: Callable[[Axes, tuple[Scenario, bool]], Sequence[tuple[Cell, ...]]],
+    draw: Callable[[Axes, tuple[Scenario, bool]], Sequence[Row]],
     legend: bool = True,
 ) -> Figure:
     """A figure with a row of panels per scenario that was run and a column per filling."""
@@ -293,7 +288,7 @@ def _panels(
     scenarios = [each for each in SCENARIOS if any(at.scenario == each for at in run)]
     fillings = [each for each in FILLINGS if any(at.observed == each for at in run)]
     drawing, panels = new_figure(len(scenarios), len(fillings))
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[Row] = []
     for (scenario, observed), panel in zip(product(scenarios, fillings), panels.flat, strict=True):
         panel.set_title(f"{scenario}, filling {filling_word(observed)}")
         drawn = draw(panel, (scenario, observed))
@@ -303,21 +298,15 @@ def _panels(
     for panel in panels[:, 0]:
         panel.set_ylabel(labels[1])
     if legend:
-        draw_legend(drawing, _fullest(panels))
+        draw_legend(drawing, fullest(panels))
     return Figure(
         name=name,
         title=title,
         caption=caption,
         alt=alt,
         svg=svg(drawing),
-        data=_data(name, SETTING_COLUMNS + columns, rows),
+        data=data_table(name, SETTING_COLUMNS + columns, rows),
     )
-
-
-def _fullest(panels: np.ndarray) -> Axes:
-    """The panel with the most series, to take the legend from."""
-    axes: Axes = max(panels.flat, key=lambda panel: len(panel.get_legend_handles_labels()[0]))
-    return axes
 
 
 def _line(
@@ -329,20 +318,10 @@ def _line(
     label: str,
     *,
     markers: bool = False,
-) -> list[tuple[Cell, ...]]:
+) -> list[Row]:
     """Draw the mean over trials with its band; return what was drawn, point by point."""
     data = results.by_condition.get(condition)
     if data is None:
         return []
     x, samples = read(data)
-    mean = samples.mean(0)
-    low, high = bootstrap_interval(samples, resamples=500)
-    draw_band(panel, x, mean, low, high, series, label, markers=markers)
-    return [
-        (float(at), *(float(number) for number in numbers))
-        for at, *numbers in zip(x, mean, low, high, strict=True)
-    ]
-
-
-def _data(name: str, columns: tuple[str, ...], rows: Sequence[tuple[Cell, ...]]) -> Table:
-    return Table(name=name, title=f"Data of {name}", caption="", columns=columns, rows=tuple(rows))
+    return draw_mean(panel, x, samples, series, label, markers=markers)

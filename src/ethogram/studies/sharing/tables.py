@@ -8,7 +8,7 @@ from ethogram.studies.sharing.plan import SETTINGS, STRATEGIES, Condition, Strat
 from ethogram.studies.sharing.published import MAX_VALIDATION_RETURN
 from ethogram.studies.sharing.results import Measure, Records, Results
 from ethogram.studies.sharing.validation import ACTS
-from ethogram.studies.statistics import Trials, bootstrap_interval
+from ethogram.studies.statistics import measured
 
 PRINTED: tuple[Strategy, ...] = ("always", "none", "optional")  # rows of Table 3.2
 
@@ -55,7 +55,7 @@ def _returns(results: Results) -> Table:
                 filling_word(observed),
                 strategy,
                 *(
-                    mean_cell(results.trials(each, Condition(scenario, strategy, observed)))
+                    measured(results.trials(each, Condition(scenario, strategy, observed)))
                     for each in measures.values()
                 ),
             )
@@ -77,7 +77,7 @@ def _acts(results: Results) -> Table:
                 scenario,
                 filling_word(observed),
                 *(
-                    mean_cell(
+                    measured(
                         results.trials(
                             measure.share_of_act(act), Condition(scenario, "optional", observed)
                         )
@@ -90,22 +90,6 @@ def _acts(results: Results) -> Table:
     )
 
 
-def mean_cell(trials: Trials) -> Measured | None:
-    """The mean over trials with its bootstrap interval; None where nothing was run."""
-    if trials.values is None:
-        return None
-    low, high = bootstrap_interval(trials.values)
-    return Measured(value=float(trials.values.mean()), low=float(low), high=float(high))
-
-
 def _best(results: Results, condition: Condition) -> Measured | None:
     trials = results.trials(measure.best_return, condition)
-    if trials.values is None:
-        return None
-    low, high = bootstrap_interval(trials.values, np.max)
-    return Measured(
-        value=float(trials.values.max()),
-        low=float(low),
-        high=float(high),
-        published=MAX_VALIDATION_RETURN[condition],
-    )
+    return measured(trials, np.max, published=MAX_VALIDATION_RETURN[condition])
