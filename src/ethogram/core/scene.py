@@ -2,7 +2,8 @@
 
 A scene has a fixed cast of shapes.  Per frame, each has a position, a tint (an entry of the
 palette, or -1 for hidden) and possibly some words; the frame has a caption, and numbers to plot
-beside it.  A scene is stored as a dataset and drawn by the report.
+beside it.  Lines may join shapes, in every frame the same.  A scene is stored as a dataset and
+drawn by the report.
 """
 
 import dataclasses
@@ -35,7 +36,8 @@ class Scene:
     """A recorded episode.
 
     Raises:
-        EthogramError: an array does not have the shape that the cast and the frames ask for.
+        EthogramError: an array does not have the shape that the cast and the frames ask for, or
+            a line joins what is not in the cast.
 
     """
 
@@ -44,6 +46,7 @@ class Scene:
     frame_seconds: float  # how long a frame is shown at normal speed
     palette: tuple[str, ...]  # what each tint means, in words ("prefers resource 1")
     shapes: tuple[Shape, ...]
+    links: tuple[tuple[int, int], ...] = ()  # entries of shapes that a thin line joins
     position: Float[np.ndarray, "frame shape axis"]  # 2 or 3 axes
     tint: Int[np.ndarray, "frame shape"]  # entry of the palette, -1 = hidden
     words: tuple[str, ...] = ()  # what shapes can say
@@ -64,6 +67,11 @@ class Scene:
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
+        for link in self.links:
+            if not all(0 <= end < cast for end in link):
+                raise EthogramError(
+                    f"Scene {self.title!r}: a line joins {link}, but there are only {cast} shapes."
+                )
 
     def to_dataset(self) -> "xr.Dataset":
         """Arrays as variables, everything else as one JSON attribute."""
@@ -82,6 +90,8 @@ class Scene:
             for name in ("title", "bounds", "frame_seconds", "palette", "words", "captions")
         }
         plain["shapes"] = [dataclasses.astuple(shape) for shape in self.shapes]
+        if self.links:  # a scene without any is stored as scenes were before there were links
+            plain["links"] = self.links
         return xr.Dataset(arrays, attrs={"scene": json.dumps(plain)})
 
     @staticmethod
@@ -89,6 +99,7 @@ class Scene:
         """The scene that `to_dataset` stored."""
         plain = json.loads(data.attrs["scene"])
         plain["shapes"] = tuple(Shape(*shape) for shape in plain["shapes"])
+        plain["links"] = tuple((first, second) for first, second in plain.get("links", ()))
         for name in ("bounds", "palette", "words", "captions"):
             plain[name] = tuple(plain[name])
         series = {
