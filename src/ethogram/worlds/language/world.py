@@ -1,0 +1,212 @@
+"""The Cooperative Unknown Target game: robots that must tell each other where to go.
+
+Each of n_r robots has one of n_t targets as its own, and does not know which; exactly one other
+robot does.  A robot is two agents: a mover, which accelerates it, and a talker, which says one
+symbol a step for all to hear (thesis, section 2.4).
+
+A mover observes the offsets of its robot from every target and what every robot said a step ago
+(eq. 2.2); a talker, which robot it guides and to which target (eq. 2.3).  Both are rewarded with
+minus the Manhattan distance of a robot from its target: the mover's own (eq. 2.4), the talker's
+guided one (eq. 2.6), in the state after the move.
+
+Actions are weights over choices (a one-hot vector is a pure choice): for a mover (none, up,
+right, down, left), for a talker (silence, symbol 1, symbol 2...).  `alphabet` symbols exist, of
+`capacity` that there is room for, so that languages of any size share one compiled program.
+
+Units: the side of the square the targets lie in is 1; velocity is displacement per step.
+
+Deviations from the print, each for the reason given.  `dynamics="damped"` moves like the
+multi-agent particle environments, v <- 0.75 v + 0.05 a, then x <- x + v: under the printed law
+(`dynamics="literal"`: x <- x + v, v <- v + delta a) a robot that neither remembers nor sees its
+velocity can only oscillate.  A talker may be silent only if `allow_silence` or if there is no
+symbol, since silence is a word too (the unused entries of its action and of what is heard are
+padding, 0).  `execution="soft"` lets weights move robots and be heard as
+they are; `"hard"` turns them into the choice of the largest.  `observe_velocity` is off, as in
+the thesis.  The end is a time limit, hence a truncation.
+"""
+
+from functools import cache
+from itertools import permutations
+from typing import Annotated, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Bool, Float, Int, Key
+from pydantic import Field
+
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.settings import Number, setting
+from ethogram.core.spaces import Box, Simplex
+from ethogram.core.world import Outcome, PerRole, Role, World
+
+Dynamics = Literal["damped", "literal"]
+Execution = Literal["soft", "hard"]
+
+DAMPING, ACCELERATION = 0.75, 0.05  # of the particle environments, per step
+#        none   up      right   down     left
+MOVES = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))
+
+
+class State(eqx.Module):
+    """Robots, targets, who knows what, and what was said."""
+
+    position: Float[Array, "robot 2"]
+    velocity: Float[Array, "robot 2"]
+    target: Float[Array, "target 2"]
+    guides: Int[Array, "robot"]  # the robot whose target this robot knows
+    goal: Int[Array, "robot"]  # this robot's own target, which it does not know
+    said: Float[Array, "robot word"]  # by each robot a step ago; word 0 is silence
+    time: Int[Array, ""]  # steps since the start
+
+
+class Language(World):
+    """Robots that see the targets and must be told which one is theirs."""
+
+    alphabet: Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
+    delta: Number = setting(0.05, Annotated[float, Field(gt=0)])
+    robots: int = setting(2, Annotated[int, Field(ge=2, le=7)], static=True)
+    targets: int = setting(2, Annotated[int, Field(ge=1, le=1000)], static=True)
+    capacity: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
+    steps: int = setting(25, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
+    dynamics: Dynamics = setting("damped", Dynamics, static=True)
+    execution: Execution = setting("soft", Execution, static=True)
+    allow_silence: bool = setting(False, bool, static=True)
+    observe_velocity: bool = setting(False, bool, static=True)
+
+    def __check_init__(self) -> None:
+        """Refuse an alphabet that there is no room for.
+
+        Raises:
+            InvalidSettings: `alphabet` is more than `capacity`.
+
+        """
+        if not isinstance(self.alphabet, jax.core.Tracer) and (self.alphabet > self.capacity).any():
+            largest = self.alphabet.max()
+            raise InvalidSettings(
+                f"Language: alphabet = {largest} is more than capacity = {self.capacity}."
+            )
+
+    @property
+    def horizon(self) -> int:
+        """Every episode lasts `steps` steps."""
+        return self.steps
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """`mover` and `talker`, one of each per robot."""
+        words = self.capacity + 1
+        seen = 2 * self.targets + 2 * self.observe_velocity
+        heard = jnp.tile(self.words.at[0].set(True), self.robots)  # all are silent at first
+        used = jnp.concatenate([jnp.ones(seen, bool), heard])
+        offsets = Box(-self._reach, self._reach, used.shape, used)
+        known = Box(0.0, 1.0, (self.robots + self.targets,))
+        return {
+            "mover": Role(self.robots, offsets, Simplex(len(MOVES))),
+            "talker": Role(self.robots, known, Simplex(words, self.words)),
+        }
+
+    @property
+    def _reach(self) -> float:
+        """No offset is larger: a robot at full speed all the way."""
+        if self.dynamics == "literal":
+            return float("inf")
+        return 1.0 + self.steps * ACCELERATION / (1 - DAMPING)
+
+    @property
+    def words(self) -> Bool[Array, "word"]:
+        """Which entries of a talker's action it may use."""
+        word = jnp.arange(self.capacity + 1)
+        mute = jnp.logical_or(self.alphabet == 0, self.allow_silence)
+        return jnp.where(word == 0, mute, word <= self.alphabet)
+
+    def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
+        """Robots and targets uniform in the square, goals uniform, guides a random derangement.
+
+        One draw serves all, since a rollout resets at every step.
+        """
+        ways = jnp.asarray(derangements(self.robots))
+        sizes = (2 * self.robots, 2 * self.targets, self.robots)
+        chance = jax.random.uniform(key, (sum(sizes) + 1,))
+        robots, targets, goals, way = jnp.split(chance, np.cumsum(sizes))
+        state = State(
+            position=robots.reshape(-1, 2),
+            velocity=jnp.zeros((self.robots, 2)),
+            target=targets.reshape(-1, 2),
+            guides=ways[(way[0] * len(ways)).astype(jnp.int32)],
+            goal=(goals * self.targets).astype(jnp.int32),
+            said=jnp.zeros((self.robots, self.capacity + 1)).at[:, 0].set(1.0),
+            time=jnp.int32(0),
+        )
+        return state, self.observe(state)
+
+    def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
+        """Move, speak; then observe and be rewarded in the state reached."""
+        del key  # only the start is random
+        after = self._move(state, self._executed(action))
+        over = jnp.broadcast_to(after.time >= self.steps, self.robots)
+        never = jnp.zeros(self.robots, bool)
+        distance = distances(after)
+        return after, Outcome(
+            observation=self.observe(after),
+            reward={"mover": -distance, "talker": -distance[after.guides]},
+            terminated={"mover": never, "talker": never},
+            truncated={"mover": over, "talker": over},
+        )
+
+    def observe(self, state: State) -> PerRole:
+        """Offsets to the targets and all that was said (eq. 2.2); what a talker knows (eq. 2.3)."""
+        offset = (state.target - state.position[:, None]).reshape(self.robots, -1)
+        velocity = state.velocity[:, : 2 * self.observe_velocity]
+        heard = jnp.broadcast_to(state.said.reshape(-1), (self.robots, state.said.size))
+        known = jax.nn.one_hot(state.guides, self.robots)
+        goal = jax.nn.one_hot(state.goal[state.guides], self.targets)
+        return {
+            "mover": jnp.concatenate([offset, velocity, heard], -1),
+            "talker": jnp.concatenate([known, goal], -1),
+        }
+
+    def _executed(self, action: PerRole) -> PerRole:
+        if self.execution == "soft":
+            return action
+        return {
+            role: jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
+            for role, weights in action.items()
+        }
+
+    def _move(self, state: State, action: PerRole) -> State:
+        push = action["mover"] @ jnp.asarray(MOVES, jnp.float32)
+        if self.dynamics == "damped":
+            velocity = DAMPING * state.velocity + ACCELERATION * push
+            position = state.position + velocity
+        else:
+            velocity = state.velocity + self.delta * push
+            position = state.position + state.velocity
+        return State(
+            position,
+            velocity,
+            state.target,
+            state.guides,
+            state.goal,
+            action["talker"],
+            state.time + 1,
+        )
+
+
+def distances(state: State) -> Float[Array, "robot"]:
+    """Manhattan distance of each robot from its own target."""
+    return jnp.abs(state.target[state.goal] - state.position).sum(-1)
+
+
+@cache
+def derangements(count: int) -> np.ndarray:
+    """Every way in which each of some robots guides another one: Int[way, robot]."""
+    everyone = range(count)
+    ways = [
+        way
+        for way in permutations(everyone)
+        if all(guided != robot for robot, guided in zip(everyone, way, strict=True))
+    ]
+    return np.array(ways, np.int32)
