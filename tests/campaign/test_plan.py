@@ -1,6 +1,7 @@
 """Plans: what `--set` changes, and what it says when it cannot."""
 
 import json
+from dataclasses import replace
 
 import hypothesis.strategies as st
 import pytest
@@ -139,6 +140,20 @@ assignments = st.one_of(
     st.builds("{}={}".format, st.text(max_size=8) | st.sampled_from(["walk", "detour.x"]), values),
     st.text(max_size=20),
 )
+
+
+def test_a_plan_of_several_grids_has_the_points_of_each_once():
+    plan = replace(SMOKE, grid={"seed": (1, 2)}, further=({"seed": (2,), "walk.steps": (5, 20)},))
+    found = [(point.seed, point.walk.steps) for point in plan.points()]
+    steps = SMOKE.settings.walk.steps
+    assert found == [(1, steps), (2, steps), *((2, n) for n in (5, 20) if n != steps)]
+    assert plan.axes == {"seed": (1, 2), "walk.steps": (5, 20)}
+
+
+def test_an_axis_of_any_grid_can_be_set_in_all_of_them():
+    plan = replace(SMOKE, grid={"seed": (1, 2)}, further=({"seed": (2,), "walk.steps": (5, 20)},))
+    points = plan.override(["walk.steps=7,8", "seed=3"]).points()
+    assert [(point.seed, point.walk.steps) for point in points] == [(3, 7), (3, 8)]
 
 
 @settings(max_examples=300)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.rollout import episode_ended
-from ethogram.core.spaces import Box, Discrete
+from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import World
 from ethogram.worlds import WORLDS
 
@@ -42,6 +42,9 @@ def _sample(key, role):
     space, shape = role.action, (role.agents, *role.action.shape)
     if isinstance(space, Discrete):
         return jax.random.randint(key, shape, 0, space.n)
+    if isinstance(space, Simplex):
+        used = jnp.ones(space.n, bool) if space.used is None else space.used
+        return jax.nn.softmax(jnp.where(used, jax.random.normal(key, shape), -jnp.inf))
     if isinstance(space, Box):
         return jax.random.uniform(key, shape, minval=space.low, maxval=space.high)
     return jax.random.randint(key, shape, 0, jnp.asarray(space.sizes))
@@ -68,6 +71,13 @@ def test_a_step_is_traced_once(played):
     assert len(played[-1]) == 1
 
 
+def test_actions_drawn_at_random_are_in_their_spaces(played):
+    world, (_, steps), *_ = played
+    for action, _, _ in steps:
+        for name, role in world.roles.items():
+            assert role.action.contains(action[name]).all()
+
+
 def test_observations_are_in_their_spaces_and_all_numbers_are_finite(played):
     world, (start, steps), *_ = played
     for observation in [start, *(outcome.observation for _, _, outcome in steps)]:
@@ -79,6 +89,14 @@ def test_observations_are_in_their_spaces_and_all_numbers_are_finite(played):
             for part in (outcome.reward, outcome.terminated, outcome.truncated):
                 assert part[name].shape == (role.agents,)
             assert jnp.isfinite(outcome.reward[name]).all()
+
+
+def test_a_state_can_be_observed_again(played):
+    world, (start, steps), *_ = played
+    states = [world.reset(jax.random.key(1))[0], *(state for _, state, _ in steps)]
+    seen = [start, *(outcome.observation for _, _, outcome in steps)]
+    for state, observation in zip(states, seen, strict=True):
+        jax.tree.map(np.testing.assert_array_equal, world.observe(state), observation)
 
 
 def test_an_episode_ends_by_its_horizon(played):

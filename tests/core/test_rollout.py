@@ -16,14 +16,17 @@ class Counter(World):
 
     def reset(self, key):
         del key
-        return jnp.int32(0), {"agent": jnp.zeros(1, jnp.int32)}
+        return jnp.int32(0), self.observe(jnp.int32(0))
+
+    def observe(self, state):
+        return {"agent": state[None]}
 
     def step(self, key, state, action):
         del key
         count = state + 1
         never = jnp.zeros(1, bool)
         outcome = Outcome(
-            observation={"agent": count[None]},
+            observation=self.observe(count),
             reward={"agent": action["agent"].astype(float)},
             terminated={"agent": never},
             truncated={"agent": (count >= 3)[None]},

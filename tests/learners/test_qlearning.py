@@ -9,7 +9,7 @@ from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in, trial_keys
 from ethogram.core.rollout import rollout
 from ethogram.learners.dynamic_programming import DecisionProcess, value_iteration
-from ethogram.learners.exploration import Constant, ExponentialDecay, LinearDecay, epsilon_greedy
+from ethogram.learners.exploration import Constant, ExponentialDecay, Linear, epsilon_greedy
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
 from ethogram.worlds.sharing import Sharing
@@ -184,5 +184,5 @@ def test_schedules_fall_from_their_start_to_their_end():
     np.testing.assert_allclose(decay(jnp.int32(100)), 0.9995**100, rtol=1e-4)
     assert decay(jnp.int32(9207)) > 0.01
     np.testing.assert_allclose(decay(jnp.int32(9209)), 0.01)  # as the thesis' numbers imply
-    linear = LinearDecay(1.0, 0.2, 10)
+    linear = Linear(1.0, 0.2, 10)
     np.testing.assert_allclose([linear(jnp.int32(at)) for at in (0, 5, 50)], [1.0, 0.6, 0.2])

@@ -103,7 +103,7 @@ def test_validation_is_reduced_as_by_hand():
             metrics={"filling": jnp.array(filling)},
         )
         state = State(jnp.array(place), jnp.array(preference), jnp.array(spoke), jnp.int32(0))
-        return Transition({}, {}, outcome, state, jnp.array(False))
+        return Transition(jax.random.key(0), state, {}, {}, outcome, state, jnp.array(False))
 
     steps = [
         step([1, 2], [True, False], [0, 0], [0.0, 0.0], [0, 0]),

@@ -138,7 +138,7 @@ def _planned_run(study: Study, plan: Plan[Any], prospects: Sequence[Prospect]) -
         description=plan.description,
         overrides=plan.overrides,
         settings=to_tree(plan.settings),
-        grid=plan.grid,
+        grid=plan.axes,
         cases=tuple((prospect.case.name, prospect.case.id) for prospect in prospects),
         command=shlex.join(["ethogram", "run", study.NAME, "--plan", plan.name, *changes]),
         started=now(),

@@ -30,63 +30,89 @@ _MOST_BRACKETS = 100  # in a value: past any setting, well before Python's limit
 
 @dataclass(frozen=True)
 class Plan(Generic[S]):
-    """One way to run a study: `settings` everywhere, except where an axis of the grid says else."""
+    """One way to run a study: `settings` everywhere, except where an axis of a grid says else.
+
+    A plan that is no single grid has `further` ones, each with axes of its own.
+    """
 
     name: str
     description: str
     settings: S  # a frozen pydantic dataclass, possibly nested
     grid: Grid = field(default_factory=dict)
+    further: tuple[Grid, ...] = ()
     overrides: tuple[str, ...] = ()  # what a user changed, as typed
 
     def points(self) -> list[S]:
         """The settings of every combination of the axes, the last axis varying fastest."""
         complaints: Complaints = {}
-        points = _points(type(self.settings), to_tree(self.settings), self.grid, complaints)
+        points = _points(type(self.settings), to_tree(self.settings), self._grids, complaints)
         if complaints:
             raise InvalidSettings(report(complaints))
         return points
 
+    @property
+    def axes(self) -> Grid:
+        """Every axis, with the values that it takes in any of the grids."""
+        axes: dict[str, tuple[Scalar, ...]] = {}
+        for grid in self._grids:
+            for key, values in grid.items():
+                axes[key] = tuple(dict.fromkeys((*axes.get(key, ()), *values)))
+        return axes
+
+    @property
+    def _grids(self) -> tuple[Grid, ...]:
+        return (self.grid, *self.further)
+
     def override(self, assignments: Iterable[str]) -> "Plan[S]":
         """Change the plan by "key=value" assignments, of which the last wins.
 
-        A value is read as JSON, and as a bare word where it is none.  An axis of the grid takes
-        one value, a list with commas or a JSON list.  Raises `InvalidSettings` with everything
-        that is wrong, so that a user corrects it in one go.
+        A value is read as JSON, and as a bare word where it is none.  An axis takes one value, a
+        list with commas or a JSON list, and then is an axis of every grid.  Raises
+        `InvalidSettings` with everything that is wrong, so that a user corrects it in one go.
         """
         assignments = tuple(assignments)
         complaints: Complaints = {}
         texts = _texts(assignments, complaints)
-        tree, grid = to_tree(self.settings), dict(self.grid)
-        known = dict(flatten(tree))
+        tree, grids = to_tree(self.settings), [dict(grid) for grid in self._grids]
+        known, axes = dict(flatten(tree)), list(self.axes)
         for key, text in texts.items():
-            if key in grid and _values(text):
-                grid[key] = _values(text)
-            elif key in grid:
+            if key in axes and _values(text):
+                for grid in grids:
+                    grid[key] = _values(text)
+            elif key in axes:
                 complaints[key] = [f"{key}: An axis needs at least one value."]
             elif isinstance(known.get(key), list):
                 assign(tree, key, list(_values(text)))
             elif key in known or _in_optional_part(key, known):
                 assign(tree, key, _value(text))
             else:
-                complaints[key] = [_unknown(key, known, grid)]
-        points = _points(type(self.settings), tree, grid, complaints)
-        _explain_lists(texts, grid, complaints)
+                complaints[key] = [_unknown(key, known, axes)]
+        points = _points(type(self.settings), tree, grids, complaints)
+        _explain_lists(texts, axes, complaints)
         if complaints:
             raise InvalidSettings(report(complaints))
-        overrides = self.overrides + assignments
-        return replace(self, settings=points[0], grid=grid, overrides=overrides)
+        return replace(
+            self,
+            settings=points[0],
+            grid=grids[0],
+            further=tuple(grids[1:]),
+            overrides=self.overrides + assignments,
+        )
 
 
-def _points(kind: type[S], tree: Tree, grid: Grid, complaints: Complaints) -> list[S]:
+def _points(
+    kind: type[S], tree: Tree, grids: Iterable[Grid], complaints: Complaints
+) -> list[S]:
     """Every different combination once; what is wrong with any of them becomes a complaint."""
     points: dict[bytes, S] = {}
-    for combination in product(*grid.values()):
-        point_tree = deepcopy(tree)
-        for key, value in zip(grid, combination, strict=True):
-            assign(point_tree, key, value)
-        point = checked(kind, point_tree, complaints)
-        if point is not None:
-            points.setdefault(canonical(to_tree(point)), point)
+    for grid in grids:
+        for combination in product(*grid.values()):
+            point_tree = deepcopy(tree)
+            for key, value in zip(grid, combination, strict=True):
+                assign(point_tree, key, value)
+            point = checked(kind, point_tree, complaints)
+            if point is not None:
+                points.setdefault(canonical(to_tree(point)), point)
     return list(points.values())
 
 
@@ -140,17 +166,17 @@ def _in_optional_part(key: str, known: Mapping[str, Any]) -> bool:
     return part in known and known[part] is None
 
 
-def _unknown(key: str, known: Mapping[str, Any], grid: Grid) -> str:
-    names = list(dict.fromkeys([*known, *grid]))
+def _unknown(key: str, known: Mapping[str, Any], axes: Iterable[str]) -> str:
+    names = list(dict.fromkeys([*known, *axes]))
     members = [name for name in names if name.startswith(f"{key}.")]
     if members:
         return f"{key} is a group of settings: {', '.join(members)}."
     return f"Unknown key {shown(key)}.{nearest(key, names)} Allowed: {', '.join(names)}."
 
 
-def _explain_lists(texts: Mapping[str, str], grid: Grid, complaints: Complaints) -> None:
+def _explain_lists(texts: Mapping[str, str], axes: list[str], complaints: Complaints) -> None:
     """Where a setting was given a list that it cannot take, say what takes lists."""
-    for key in complaints.keys() & texts.keys() - grid.keys():
+    for key in complaints.keys() & texts.keys() - set(axes):
         if "," in texts[key] or "[" in texts[key]:
-            axes = ", ".join(grid) or "there is none"
-            complaints[key].append(f"{key}: Only an axis of the plan takes a list ({axes}).")
+            named = ", ".join(axes) or "there is none"
+            complaints[key].append(f"{key}: Only an axis of the plan takes a list ({named}).")

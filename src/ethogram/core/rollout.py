@@ -21,10 +21,13 @@ Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> a
 class Transition(eqx.Module):
     """A step of a rollout; in a trajectory every array has the steps as its leading axis.
 
-    `outcome.observation` is that of the state reached; where an episode ended there, it is its
-    final observation, while the next transition's `observation` is that of the new episode.
+    `world.step(key, before, action)` gives `state` and `outcome` again.  `outcome.observation` is
+    that of the state reached; where an episode ended there, it is its final observation, while
+    the next transition's `observation` is that of the new episode.
     """
 
+    key: Key[Array, "..."]  # the world's chance
+    before: Any  # the state left
     observation: PerRole
     action: PerRole
     outcome: Outcome
@@ -71,7 +74,9 @@ def rollout(
         fresh = Position(*world.reset(for_reset))
         reached = Position(state, outcome.observation)
         after = jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
-        return after, Transition(at.observation, action, outcome, state, last)
+        return after, Transition(
+            for_world, at.state, at.observation, action, outcome, state, last
+        )
 
     return lax.scan(advance, start, jax.random.split(key, steps))
 

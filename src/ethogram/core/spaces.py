@@ -1,12 +1,17 @@
-"""What an agent can observe and do: discrete sets, integer vectors, real boxes."""
+"""What an agent can observe and do: discrete sets, integer vectors, weights, real boxes.
 
-from dataclasses import dataclass
+A space may be wider than what its world uses, so that settings that change a width share one
+compiled program.  Then `used` tells which entries there are; the others are padding, always 0.
+"""
+
+from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
+ROUNDING = 1e-4  # by how much a sum of 32-bit weights may miss 1
 
 
 @dataclass(frozen=True)
@@ -42,17 +47,41 @@ class MultiDiscrete:
 
 
 @dataclass(frozen=True)
+class Simplex:
+    """Weights of n choices: none negative, 1 together; a pure choice is a one-hot vector."""
+
+    n: int
+    used: Array | None = field(default=None, compare=False)  # Bool[n]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """A vector with one weight per choice."""
+        return (self.n,)
+
+    def contains(self, value: Array) -> Array:
+        """Whether each vector along the last axis is in the space, up to rounding."""
+        whole = jnp.abs(value.sum(-1) - 1) <= ROUNDING
+        return (value >= 0).all(-1) & whole & _padding_is_zero(value, self.used).all(-1)
+
+
+@dataclass(frozen=True)
 class Box:
     """Real arrays of a shape, between two bounds."""
 
     low: float
     high: float
     shape: tuple[int, ...]
+    used: Array | None = field(default=None, compare=False)  # Bool[shape]
 
     def contains(self, value: Array) -> Array:
         """Whether each array along the last axes is in the space."""
         axes = tuple(range(-len(self.shape), 0))
-        return ((value >= self.low) & (value <= self.high)).all(axes)
+        within = (value >= self.low) & (value <= self.high)
+        return (within & _padding_is_zero(value, self.used)).all(axes)
 
 
-Space = Discrete | MultiDiscrete | Box
+def _padding_is_zero(value: Array, used: Array | None) -> Array:
+    return jnp.ones(value.shape, bool) if used is None else used | (value == 0)
+
+
+Space = Discrete | MultiDiscrete | Simplex | Box

@@ -69,5 +69,9 @@ class World(eqx.Module):
         """Draw an initial state and what each agent observes in it."""
 
     @abstractmethod
+    def observe(self, state: Any) -> PerRole:
+        """What each agent observes in a state; the same as `reset` and `step` return with it."""
+
+    @abstractmethod
     def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
         """Apply one action per agent."""

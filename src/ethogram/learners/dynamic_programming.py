@@ -88,7 +88,12 @@ class DecisionProcess(World):
     def reset(self, key: Key[Array, ""]) -> tuple[Place, PerRole]:
         """Draw a state from `start`."""
         state = jax.random.categorical(key, jnp.log(self.start))
-        return Place(state, jnp.int32(0)), {"agent": state[None]}
+        place = Place(state, jnp.int32(0))
+        return place, self.observe(place)
+
+    def observe(self, state: Place) -> PerRole:
+        """The number of the state."""
+        return {"agent": state.state[None]}
 
     def step(self, key: Key[Array, ""], state: Place, action: PerRole) -> tuple[Place, Outcome]:
         """Draw the next state and earn the reward of the transition."""
@@ -97,7 +102,7 @@ class DecisionProcess(World):
         after = Place(reached, state.time + 1)
         ends = self.terminal[reached]
         return after, Outcome(
-            observation={"agent": reached[None]},
+            observation=self.observe(after),
             reward={"agent": self.reward[state.state, chosen, reached][None]},
             terminated={"agent": ends[None]},
             truncated={"agent": (~ends & (after.time >= self.steps))[None]},

@@ -1,12 +1,13 @@
-"""Epsilon-greedy choice, and how epsilon falls with the number of episodes."""
+"""How learners try what does not seem best, and how that changes as they learn."""
 
 from abc import abstractmethod
 from typing import Annotated
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jax import Array
-from jaxtyping import Float, Int, UInt32
+from jax import Array, lax
+from jaxtyping import Float, Int, Key, UInt32
 from pydantic import Field
 
 from ethogram.core.settings import Number, setting
@@ -34,12 +35,41 @@ def epsilon_greedy(
     return (position <= pick).sum(0).astype(jnp.int32)
 
 
+def gumbel_softmax(
+    key: Key[Array, ""] | None,
+    logits: Float[Array, "*batch choice"],
+    temperature: Number,
+    *,
+    straight_through: bool = False,
+) -> Float[Array, "*batch choice"]:
+    """Weights of choices, of which each is the heaviest with the chance that softmax gives it.
+
+    softmax((logits + g) / temperature) with g of the standard Gumbel distribution (Jang et al.,
+    ICLR 2017; Maddison et al., ICLR 2017), differentiable in the logits; without a key, g = 0.
+
+    Args:
+        key: consumed.
+        logits: large and negative for a choice that there is not.
+        temperature: the lower, the nearer to one-hot.
+        straight_through: give the heaviest choice all the weight, with the gradients of the
+            weights that it would have had.
+
+    """
+    if key is not None:
+        logits = logits + jax.random.gumbel(key, logits.shape)
+    weights = jax.nn.softmax(logits / temperature)
+    if not straight_through:
+        return weights
+    heaviest = jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
+    return weights + lax.stop_gradient(heaviest - weights)
+
+
 class Schedule(eqx.Module):
-    """A value for each episode, counted from 0."""
+    """A value for each update of a learner, counted from 0 (for Q-learning, each episode)."""
 
     @abstractmethod
-    def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
-        """The value in this episode."""
+    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
+        """The value at this update."""
 
 
 class Constant(Schedule):
@@ -47,31 +77,31 @@ class Constant(Schedule):
 
     value: Number = eqx.field(converter=jnp.asarray)
 
-    def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
-        """The value, whatever the episode."""
-        return jnp.full_like(episode, self.value, dtype=jnp.float32)
+    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
+        """The value, whatever the update."""
+        return jnp.full_like(update, self.value, dtype=jnp.float32)
 
 
 class ExponentialDecay(Schedule):
-    """start x decay^episode, but never below end."""
+    """start x decay^update, but never below end."""
 
     start: Number = setting(1.0, Probability)
     end: Number = setting(0.01, Probability)
     decay: Number = setting(0.9995, Probability)
 
-    def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
         """The decayed value."""
-        return jnp.maximum(self.end, self.start * jnp.power(self.decay, episode))
+        return jnp.maximum(self.end, self.start * jnp.power(self.decay, update))
 
 
-class LinearDecay(Schedule):
-    """From start to end in equal steps over a number of episodes, then end."""
+class Linear(Schedule):
+    """From start to end in equal steps over a number of updates, then end."""
 
     start: Number = eqx.field(converter=jnp.asarray)
     end: Number = eqx.field(converter=jnp.asarray)
-    episodes: Number = eqx.field(converter=jnp.asarray)
+    updates: Number = eqx.field(converter=jnp.asarray)
 
-    def __call__(self, episode: Int[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
         """The interpolated value."""
-        passed = jnp.clip(episode / self.episodes, 0.0, 1.0)
+        passed = jnp.clip(update / self.updates, 0.0, 1.0)
         return self.start + passed * (self.end - self.start)

@@ -8,5 +8,7 @@ if TYPE_CHECKING:  # listing names must not load JAX
     from ethogram.campaign.study import Study
 
 STUDIES: "Registry[Study]" = Registry(
-    "study", "ethogram.studies", {"sharing": "ethogram.studies.sharing"}
+    "study",
+    "ethogram.studies",
+    {"language": "ethogram.studies.language", "sharing": "ethogram.studies.sharing"},
 )

@@ -8,5 +8,10 @@ if TYPE_CHECKING:  # listing names must not load JAX
     from ethogram.core.world import World
 
 WORLDS: "Registry[type[World]]" = Registry(
-    "world", "ethogram.worlds", {"sharing": "ethogram.worlds.sharing:Sharing"}
+    "world",
+    "ethogram.worlds",
+    {
+        "language": "ethogram.worlds.language:Language",
+        "sharing": "ethogram.worlds.sharing:Sharing",
+    },
 )

@@ -65,7 +65,7 @@ class State(eqx.Module):
 class Language(World):
     """Robots that see the targets and must be told which one is theirs."""
 
-    alphabet: Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
+    alphabet: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
     delta: Number = setting(0.05, Annotated[float, Field(gt=0)])
     robots: int = setting(2, Annotated[int, Field(ge=2, le=7)], static=True)
     targets: int = setting(2, Annotated[int, Field(ge=1, le=1000)], static=True)
@@ -83,8 +83,12 @@ class Language(World):
             InvalidSettings: `alphabet` is more than `capacity`.
 
         """
-        if not isinstance(self.alphabet, jax.core.Tracer) and (self.alphabet > self.capacity).any():
-            largest = self.alphabet.max()
+        if isinstance(self.alphabet, jax.core.Tracer):
+            return
+        largest = np.asarray(
+            self.alphabet
+        ).max()  # not traced, even if this world is made while others are
+        if largest > self.capacity:
             raise InvalidSettings(
                 f"Language: alphabet = {largest} is more than capacity = {self.capacity}."
             )

@@ -113,9 +113,15 @@ class Sharing(World):
         del key  # every episode starts alike
         nobody = jnp.zeros(self.agents, jnp.int32)
         state = State(nobody, nobody, jnp.zeros(self.agents, bool), jnp.int32(0))
-        if self.encoding == "index":
-            return state, {"agent": nobody}  # row 0
-        return state, {"agent": self._vector(state, census(state, self.resources))}
+        return state, self.observe(state)
+
+    def observe(self, state: State) -> PerRole:
+        """The row of the table, or the vector of counts."""
+        counted = census(state, self.resources)
+        if self.encoding == "vector":
+            return {"agent": self._vector(state, counted)}
+        started = state.preference > 0  # without preferences it is the first row
+        return {"agent": jnp.where(started, self._row(state, counted), 0)}
 
     def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
         """Prefer, move on confirmation, speak; then observe and earn in the state reached."""

@@ -1,0 +1,51 @@
+"""What a central critic reads: what all agents of all roles saw, then what all of them did.
+
+Roles come in alphabetical order, as trees of arrays keep them.
+"""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from ethogram.core.world import PerRole, Role
+from ethogram.learners.networks import features, used_features
+
+Roles = Mapping[str, Role]
+
+
+def seen(roles: Roles, observation: PerRole) -> PerRole:
+    """Observations as numbers to read: Float[..., agents, feature] per role."""
+    return {name: features(roles[name].observation, observation[name]) for name in sorted(roles)}
+
+
+def done(roles: Roles, action: PerRole) -> PerRole:
+    """Actions as numbers to read: Float[..., agents, choice] per role."""
+    return {name: features(roles[name].action, action[name]) for name in sorted(roles)}
+
+
+def joint(seen: PerRole, done: PerRole) -> Float[Array, "batch input"]:
+    """Observations and actions of all agents next to each other."""
+    parts = [part[name] for part in (seen, done) for name in sorted(part)]
+    return jnp.concatenate([part.reshape(len(part), -1) for part in parts], -1)
+
+
+def joint_used(roles: Roles) -> Bool[Array, "input"]:
+    """Which entries of `joint` can be other than zero."""
+    ordered = [roles[name] for name in sorted(roles)]
+    spaces = [(role.observation, role.agents) for role in ordered]
+    spaces += [(role.action, role.agents) for role in ordered]
+    return jnp.concatenate([jnp.tile(used_features(space), agents) for space, agents in spaces])
+
+
+def own_action(roles: Roles, role: str, agent: int) -> slice:
+    """Where an agent's action stands in `joint`."""
+    before = sum(each.agents * used_features(each.observation).size for each in roles.values())
+    before += sum(
+        roles[name].agents * used_features(roles[name].action).size
+        for name in sorted(roles)
+        if name < role
+    )
+    width = used_features(roles[role].action).size
+    return slice(before + agent * width, before + (agent + 1) * width)

@@ -1,0 +1,225 @@
+"""Run a case: train its trials one after the other, and watch each of them play.
+
+One after the other, because on a processor trials side by side are slower than the same trials
+in turn (their weights leave the cache), and need the memory of all at once.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import xarray as xr
+from jax import Array
+from jaxtyping import Float, Key
+
+from ethogram.campaign.case import Case, Cost
+from ethogram.campaign.context import Context
+from ethogram.core.keys import fold_in, trial_keys
+from ethogram.core.memory import require_memory
+from ethogram.core.trees import from_arrays, to_arrays
+from ethogram.learners.maddpg import MADDPG, Learned, Playing
+from ethogram.learners.train import Diverged, train
+from ethogram.studies.language.plan import Settings, condition_of, learner_of, plays
+from ethogram.studies.language.validation import Watched, watch, watched_bytes
+from ethogram.worlds.language.scene import record
+
+COMPILE_SECONDS = 30.0
+PROCESS_BYTES = 800_000_000  # Python, JAX and compiled programs
+MULTIPLICATIONS_PER_SECOND = 25e9  # in training, one core; see benchmarks
+CHUNK_MULTIPLICATIONS = 50e9  # between two checkpoints: about two seconds
+RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
+RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
+REPLAY = "learned.replay.rows"
+
+Arrays = dict[str, np.ndarray]
+
+
+class Trial(NamedTuple):
+    """How far a trial is."""
+
+    learned: Learned
+    played: int  # times
+    reward: Float[np.ndarray, "point"]  # summed over the episodes of each point so far
+
+
+def cost(case: Case) -> Cost:
+    """About what a case takes on one core.
+
+    A checkpoint holds the replay memory twice more for a moment: as an array, and as bytes.
+    """
+    settings = case.parsed(Settings)
+    learner = learner_of(settings)
+    rounds = settings.trials * plays(settings) * learner.rounds
+    seconds = rounds * _multiplications(learner) / MULTIPLICATIONS_PER_SECOND
+    networks = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(_agents(learner)))
+    recorded = settings.trials * (_points(settings) + 5 * settings.validation_episodes)
+    return Cost(
+        seconds=COMPILE_SECONDS + seconds,
+        bytes=PROCESS_BYTES
+        + 3 * learner.replay_bytes
+        + 4 * networks  # gradients, and those on their way to a checkpoint
+        + _batch_bytes(learner)
+        + RECORDED_BYTES * recorded
+        + watched_bytes(learner, settings.validation_episodes),
+    )
+
+
+def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
+    """Train and validate all trials of a case.
+
+    Returns:
+        `results` (dimensions trial, point, episode, talker, guided, target, word, listener) and
+        `scene`, the first trial's first validation episode.
+
+    Raises:
+        TooLarge: the case would not fit in memory; the message names the size.
+        Diverged: a loss is not finite; the message names trial, agent and update.
+
+    """
+    settings = case.parsed(Settings)
+    learner = learner_of(settings)
+    require_memory(f"MADDPG with {condition_of(settings).words}", cost(case).bytes)
+    keys = trial_keys(settings.seed, case.name, settings.trials)
+    finished, trial = _restore(learner, context.restore())
+    for number in range(len(finished), settings.trials):
+        key = keys[number]
+        begun = trial or _begin(learner, fold_in(key, 0), settings)
+        ended = _train(learner, fold_in(key, 1), begun, finished, settings, context)
+        watched = watch(learner, ended.learned, fold_in(key, 2), settings.validation_episodes)
+        finished.append(_kept(ended, watched, settings))
+        trial = None
+    scene = record(watched.start, watched.states)
+    return {"results": _label(finished, settings), "scene": scene.to_dataset()}
+
+
+def _train(
+    learner: MADDPG,
+    key: Key[Array, ""],
+    trial: Trial,
+    finished: Sequence[Arrays],
+    settings: Settings,
+    context: Context,
+) -> Trial:
+    """Train a trial to its end: first it only plays, then it learns as well."""
+    reward, planned = trial.reward, plays(settings)
+    begins = min(learner.first_plays, planned)
+    chunk = max(1, int(CHUNK_MULTIPLICATIONS / _multiplications(learner) / learner.rounds))
+
+    def after_chunk(played: int, learned: Learned, metrics: Any) -> None:
+        earned = sum(part.sum(-1) for part in metrics["reward"].values()).reshape(-1)
+        last = played * learner.episodes
+        episode = np.arange(last - len(earned), last)
+        counted = episode < settings.episodes  # the last ones played may be more than asked for
+        np.add.at(reward, episode[counted] // settings.record_every, earned[counted])
+        context.progress(len(finished) * planned + played, settings.trials * planned)
+        context.checkpoint(lambda: _to_arrays(Trial(learned, played, reward), finished))
+
+    learned, start = trial.learned, trial.played
+    try:
+        for stage, end in ((Playing(learner), begins), (learner, planned)):
+            learned = train(
+                stage, key, learned, end, chunk=chunk, after_chunk=after_chunk, start=start
+            )
+            start = max(start, end)
+    except Diverged as error:
+        raise Diverged(f"Trial {len(finished)}: {error}") from error
+    return Trial(learned, planned, reward)
+
+
+def _begin(learner: MADDPG, key: Key[Array, ""], settings: Settings) -> Trial:
+    return Trial(learner.init(key), 0, np.zeros(_points(settings)))
+
+
+def _kept(trial: Trial, watched: Watched, settings: Settings) -> Arrays:
+    """What is stored of a trial."""
+    points = np.bincount(np.arange(settings.episodes) // settings.record_every)
+    words = condition_of(settings).alphabet + 1  # the rest is padding
+    kept = {name: np.asarray(getattr(watched, name)) for name in RETURNS}
+    return kept | {
+        "training": trial.reward / points,
+        "meaning": np.asarray(watched.meaning)[..., :words],
+        "influence": np.asarray(watched.influence),
+    }
+
+
+def _to_arrays(trial: Trial, finished: Sequence[Arrays]) -> Arrays:
+    """A case as a checkpoint; of the replay memory, what is filled."""
+    arrays = {f"learned.{name}": array for name, array in to_arrays(trial.learned).items()}
+    filled = min(int(trial.learned.replay.added), len(arrays[REPLAY]))
+    arrays |= {REPLAY: arrays[REPLAY][:filled], "played": np.array(trial.played)}
+    arrays["reward"] = trial.reward
+    for number, kept in enumerate(finished):
+        arrays |= {f"finished.{number}.{name}": array for name, array in kept.items()}
+    return arrays
+
+
+def _restore(learner: MADDPG, arrays: Arrays | None) -> tuple[list[Arrays], Trial | None]:
+    """The finished trials of a checkpoint, and the one that was in hand."""
+    if arrays is None:
+        return [], None
+    finished: list[Arrays] = []
+    while f"finished.{len(finished)}.meaning" in arrays:
+        start = f"finished.{len(finished)}."
+        finished.append(_under(start, arrays))
+    like = learner.init(jax.random.key(0))
+    found = _under("learned.", arrays)
+    empty = len(like.replay.rows) - len(arrays[REPLAY])
+    found["replay.rows"] = np.pad(found["replay.rows"], ((0, empty), (0, 0)))
+    trial = Trial(from_arrays(like, found), int(arrays["played"]), arrays["reward"])
+    return finished, trial
+
+
+def _under(start: str, arrays: Arrays) -> Arrays:
+    return {
+        name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)
+    }
+
+
+def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
+    condition = condition_of(settings)
+    found = {name: np.stack([kept[name] for kept in finished]) for name in finished[0]}
+    last = np.minimum(
+        np.arange(1, _points(settings) + 1) * settings.record_every, settings.episodes
+    )
+    trial_episode = ("trial", "episode")
+    return xr.Dataset(
+        {f"{name}_return": (trial_episode, found[name].astype(np.float32)) for name in RETURNS}
+        | {
+            "training_return": (("trial", "point"), found["training"].astype(np.float32)),
+            "meaning": (("trial", "talker", "guided", "target", "word"), found["meaning"]),
+            "influence": (("trial", "talker", "listener"), found["influence"]),
+        },
+        coords={"point": ("point", last, {"long_name": "training episodes", "units": "episode"})},
+        attrs={
+            "robots": condition.robots,
+            "targets": condition.targets,
+            "talkers": condition.talkers,
+            "alphabet": condition.alphabet,
+            "discount": settings.learner.discount,
+        },
+    )
+
+
+def _points(settings: Settings) -> int:
+    return -(-settings.episodes // settings.record_every)
+
+
+def _agents(learner: MADDPG) -> Any:
+    """The shapes of all that agents learn."""
+    return jax.eval_shape(learner.new_agents, jax.random.key(0))
+
+
+def _multiplications(learner: MADDPG) -> float:
+    """About how many a round of updates takes in networks, forward and back."""
+    agents = [agent for role in _agents(learner).values() for agent in role]
+    actors = [sum(weight.size for weight in agent.actor.weights) for agent in agents]
+    critics = [sum(weight.size for weight in agent.critic.weights) for agent in agents]
+    per_row = 6 * sum(critics) + len(agents) * sum(actors) + 3 * sum(actors)
+    return learner.batch * float(per_row)
+
+
+def _batch_bytes(learner: MADDPG) -> int:
+    """What a minibatch takes: the critic's inputs, a few times, and as many again to come."""
+    (agent, *_) = next(iter(_agents(learner).values()))
+    return 8 * 4 * learner.batch * int(agent.critic.weights[0].shape[0])

@@ -1,0 +1,204 @@
+"""Settings, conditions and plans of the study: what is run, and at what price."""
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+
+from pydantic import Field
+
+from ethogram.campaign.case import Case
+from ethogram.campaign.plan import Plan
+from ethogram.core.settings import settings_class, settings_of
+from ethogram.learners.maddpg import MADDPG, PRESETS
+from ethogram.worlds.language import Language
+from ethogram.worlds.language.policies import NoCommunication, Optimal
+
+NAME = "language"
+VERSION = "1"  # goes up whenever the same settings would give other numbers
+
+ROUNDING = 1e-9  # of an expressiveness that is a fraction: 1/9 x 9 is one symbol
+
+Talkers = Literal["learned", "no-communication", "optimal"]
+
+
+class Condition(NamedTuple):
+    """A cell of the campaign."""
+
+    robots: int  # n_r
+    targets: int  # n_t
+    talkers: Talkers  # learned, or one of the baselines of section 2.4.3
+    alphabet: int  # |W|
+    silence: bool = False  # whether talkers that have symbols may also be silent
+
+    @property
+    def associations(self) -> int:
+        """n_r n_t, what there is to be named."""
+        return self.robots * self.targets
+
+    @property
+    def expressiveness(self) -> float:
+        """Symbols per association: e = |W| / (n_r n_t)."""
+        return self.alphabet / self.associations
+
+    @property
+    def name(self) -> str:
+        """The case's name: it goes into its random keys."""
+        talkers = f"{self.talkers}-{self.alphabet}" if self.talkers == "learned" else self.talkers
+        return f"{self.robots}x{self.targets}-{talkers}{'-or-silence' if self.silence else ''}"
+
+    @property
+    def words(self) -> str:
+        """The condition in words, for tables and notes."""
+        return f"{self.robots} robots, {self.targets} targets, {self.policy}"
+
+    @property
+    def policy(self) -> str:
+        """How tables name the talkers: "learned, e = 0.25", "no communication", "optimal"."""
+        if self.talkers != "learned":
+            return self.talkers.replace("-", " ")
+        silence = " or silence" if self.silence else ""
+        return f"learned, e = {self.expressiveness:.4g}{silence}"
+
+
+if TYPE_CHECKING:
+    WorldSettings: TypeAlias = Any
+    LearnerSettings: TypeAlias = Any
+else:
+    WorldSettings = settings_of(Language, omit=("alphabet", "capacity"))
+    LearnerSettings = settings_of(MADDPG)
+
+
+@settings_class
+class Settings:
+    """Everything that fixes a case's numbers."""
+
+    world: WorldSettings = Field(default_factory=WorldSettings)
+    talkers: Talkers = "learned"
+    expressiveness: Annotated[float, Field(ge=0, le=1000)] = 1.0  # |W| = floor(e n_r n_t)
+    room: Annotated[float, Field(ge=0, le=1000)] = 4.0  # languages up to it share a program
+    learner: LearnerSettings = Field(default_factory=LearnerSettings)
+    episodes: Annotated[int, Field(ge=1, le=100_000_000)] = 20_000  # of training
+    validation_episodes: Annotated[int, Field(ge=2, le=1_000_000)] = 1000
+    record_every: Annotated[int, Field(ge=1, le=100_000_000)] = 512  # training episodes per point
+    trials: Annotated[int, Field(ge=1, le=10_000)] = 5
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+CURVE = tuple(step / 16 for step in range(65))  # gives every |W| from 0 to 4 n_r n_t
+SELECTED = (0.25, 1.0, 3.0)  # expressiveness in tables 2.2 and 2.3, figures 2.3 and 2.4
+TALKERS: tuple[Talkers, ...] = get_args(Talkers)
+
+_SIZES = {"world.robots": (2, 3, 4), "world.targets": (2, 3, 4)}
+_TWO = {"world.robots": (2,), "world.targets": (2,)}
+_THREE = {"world.robots": (3,), "world.targets": (3,)}
+
+_TUNED = Settings(
+    world=WorldSettings(observe_velocity=True),
+    room=1.0,
+    learner=LearnerSettings(**PRESETS["tuned"]),
+)
+
+PLANS = {
+    "smoke": Plan(
+        name="smoke",
+        description="A few conditions for a moment, to see that everything works.",
+        settings=Settings(
+            room=1.0,
+            learner=LearnerSettings(batch=16, warm_up=2, hidden=8),
+            episodes=48,
+            validation_episodes=8,
+            record_every=16,
+            trials=2,
+        ),
+        grid={**_TWO, "talkers": TALKERS, "expressiveness": (0.0, 1.0)},
+    ),
+    "quick": Plan(
+        name="quick",
+        description="Two robots and two targets, few words, fewer episodes than the thesis.",
+        settings=Settings(room=1.0, episodes=6_000, trials=3),
+        grid={**_TWO, "talkers": TALKERS, "expressiveness": (0.0, 0.25, 1.0)},
+    ),
+    "excerpt": Plan(
+        name="excerpt",
+        description="The thesis' parameters and three seeds, as far as one machine gets in an "
+        "hour: every alphabet at 2x2, four at 3x3.",
+        settings=Settings(trials=3),
+        grid={**_TWO, "talkers": TALKERS, "expressiveness": CURVE},
+        further=({**_THREE, "talkers": TALKERS, "expressiveness": (0.0, *SELECTED)},),
+    ),
+    "thesis": Plan(
+        name="thesis",
+        description="Section 2.5.1: 333 learned settings and 18 baselines, 20 000 episodes of 25 "
+        "steps, five seeds; and 2x2 again with talkers that may be silent.",
+        settings=Settings(),
+        grid={**_SIZES, "talkers": TALKERS, "expressiveness": CURVE},
+        further=({**_TWO, "expressiveness": CURVE, "world.allow_silence": (True,)},),
+    ),
+    "tuned": Plan(
+        name="tuned",
+        description="The learner and what it observes as good as we could make them: how far the "
+        "game can be learned.",
+        settings=_TUNED,
+        grid={**_TWO, "talkers": TALKERS},
+        further=({**_THREE}, {"world.robots": (4,), "world.targets": (4,)}),
+    ),
+}
+
+
+def condition_of(settings: Settings) -> Condition:
+    """The cell of the campaign that settings belong to."""
+    world, alphabet = settings.world, 0
+    if settings.talkers == "optimal":
+        alphabet = world.robots * world.targets
+    elif settings.talkers == "learned":
+        exact = settings.expressiveness * world.robots * world.targets
+        alphabet = math.floor(exact + ROUNDING)
+    silence = world.allow_silence and alphabet > 0 and settings.talkers == "learned"
+    return Condition(world.robots, world.targets, settings.talkers, alphabet, silence)
+
+
+def cases(plan: Plan[Settings]) -> list[Case]:
+    """One case per condition, with all its trials.
+
+    Expressiveness that gives the same alphabet is the same condition; a baseline's own is fixed.
+    """
+    found: dict[Condition, Settings] = {}
+    for settings in plan.points():
+        condition = condition_of(settings)
+        exactly = dataclasses.replace(settings, expressiveness=condition.expressiveness)
+        found.setdefault(condition, exactly)
+    return [
+        Case.of(study=NAME, version=VERSION, name=condition.name, settings=settings)
+        for condition, settings in found.items()
+    ]
+
+
+def world_of(settings: Settings) -> Language:
+    """The world of a case; learned languages have room for larger alphabets than their own."""
+    condition, capacity = condition_of(settings), 0
+    if condition.talkers == "learned":
+        capacity = math.floor(settings.room * condition.associations + ROUNDING)
+    return Language(
+        **dataclasses.asdict(settings.world),
+        alphabet=condition.alphabet,
+        capacity=max(capacity, condition.alphabet),
+    )
+
+
+def learner_of(settings: Settings) -> MADDPG:
+    """The learners of a case, with no more memory than their episodes fill."""
+    world, learner = world_of(settings), settings.learner
+    script = {"learned": None, "no-communication": NoCommunication, "optimal": Optimal}
+    talker = script[settings.talkers]
+    played = plays(settings) * learner.episodes * world.horizon
+    learner = dataclasses.replace(learner, memory=min(learner.memory, played))
+    return MADDPG(
+        world,
+        scripted={"talker": talker(world)} if talker else {},
+        **dataclasses.asdict(learner),
+    )
+
+
+def plays(settings: Settings) -> int:
+    """How often the learners play some episodes side by side, to make up all episodes."""
+    return -(-settings.episodes // settings.learner.episodes)

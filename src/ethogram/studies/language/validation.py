@@ -1,0 +1,169 @@
+"""Watch trained agents play, and ask what their words mean and what they do."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jaxtyping import Float, Int, Key
+
+from ethogram.core.rollout import Policy, Transition, rollout
+from ethogram.core.settings import Number
+from ethogram.core.world import PerRole
+from ethogram.learners.maddpg import MADDPG, Learned
+from ethogram.learners.returns import discounted
+from ethogram.studies.language.metrics import causal_influence
+from ethogram.worlds.language import Language, State
+from ethogram.worlds.language.world import distances
+
+LISTENED = 20  # episodes in whose states talkers are made to say every word in turn
+_EPISODES = "episodes"  # the axis of episodes played side by side
+
+Channel = Callable[[Float[Array, "robot word"]], Float[Array, "robot word"]]  # said -> heard
+
+
+def watched_bytes(learner: MADDPG, episodes: int) -> int:
+    """Memory that `watch` needs: all that is seen in all episodes, and every word tried."""
+    roles, steps = learner.world.roles, learner.world.horizon
+    mover, talker = roles["mover"], roles["talker"]
+    words = talker.action.shape[0]
+    seen = mover.agents * (mover.observation.shape[0] + 4 * words)
+    tried = LISTENED * words * mover.agents * (mover.observation.shape[0] + learner.hidden)
+    return 4 * steps * (4 * episodes * seen + 2 * tried)
+
+
+class Watched(NamedTuple):
+    """What a trial's validation shows; returns are sums over all agents and steps."""
+
+    validation: Float[Array, "episode"]
+    noise_free: Float[Array, "episode"]
+    discounted: Float[Array, "episode"]  # eq. 2.1
+    silenced: Float[Array, "episode"]
+    scrambled: Float[Array, "episode"]
+    meaning: Float[Array, "talker guided target word"]
+    influence: Float[Array, "talker listener"]  # bits
+    start: State  # of the first episode
+    states: State  # that it reached, steps leading
+
+
+@eqx.filter_jit
+def watch(learner: MADDPG, learned: Learned, key: Key[Array, ""], episodes: int) -> Watched:
+    """Validate a trial: the same starts with and without noise, and with the channel broken."""
+    world = learner.world
+    assert isinstance(world, Language)
+    keys = jax.random.split(key, episodes)
+    noisy, noise_free = learner.policy(learned), learner.policy(learned, noise=False)
+
+    def play(policy: Policy) -> Transition:
+        def one(key: Key[Array, ""]) -> Transition:
+            return rollout(world, policy, key, world.horizon)[1]
+
+        return jax.vmap(one, axis_name=_EPISODES)(keys)
+
+    played = play(noisy)
+    return Watched(
+        validation=overall(played).sum(1),
+        noise_free=overall(play(noise_free)).sum(1),
+        discounted=overall_discounted(played, learner.discount),
+        silenced=overall(play(through(silence, noisy))).sum(1),
+        scrambled=overall(play(through(_scrambler(episodes), noisy))).sum(1),
+        meaning=meaning(learner, learned),
+        influence=influence(learner, learned, played.before),
+        start=jax.tree.map(lambda part: part[0, 0], played.before),
+        states=jax.tree.map(lambda part: part[0], played.state),
+    )
+
+
+def overall(played: Transition) -> Float[Array, "episode step"]:
+    """Reward of all agents together."""
+    return jnp.concatenate([*played.outcome.reward.values()], -1).sum(-1)
+
+
+def overall_discounted(played: Transition, discount: Number) -> Float[Array, "episode"]:
+    """Equation 2.1 from the start: the reward of the initial state, and of the steps after it.
+
+    Every robot counts twice, once for its mover and once for the talker that guides it.
+    """
+    start = jax.tree.map(lambda part: part[:, 0], played.before)
+    first = -2.0 * jax.vmap(distances)(start).sum(-1)
+    return discounted(jnp.concatenate([first[:, None], overall(played)], 1).T, discount)
+
+
+def through(channel: Channel, policy: Policy) -> Policy:
+    """The policy, but everyone hears what the channel makes of what is said."""
+
+    def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+        action = policy(key, observation)
+        return action | {"talker": channel(action["talker"])}
+
+    return act
+
+
+def silence(said: Float[Array, "robot word"]) -> Float[Array, "robot word"]:
+    """Nothing is heard."""
+    return jnp.zeros_like(said).at[:, 0].set(1.0)
+
+
+def _scrambler(episodes: int) -> Channel:
+    """What is heard was said at the same step of another episode, in which all else differs."""
+    ring = [(episode, (episode + 1) % episodes) for episode in range(episodes)]
+    return lambda said: lax.ppermute(said, _EPISODES, ring)  # type: ignore[no-untyped-call]
+
+
+def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided target word"]:
+    """The chance of each word for each association; NaN where a robot would guide itself.
+
+    Padding is cut off by the caller, who knows the alphabet's size.
+    """
+    world = learner.world
+    assert isinstance(world, Language)
+    key = jax.random.key(0)
+    state, _ = world.reset(key)
+
+    def speak(guided: Int[Array, ""], target: Int[Array, ""]) -> Float[Array, "talker word"]:
+        known = eqx.tree_at(
+            lambda at: (at.guides, at.goal),
+            state,
+            (jnp.full_like(state.guides, guided), jnp.full_like(state.goal, target)),
+        )
+        observation = world.observe(known)
+        if "talker" in learner.scripted:
+            return learner.scripted["talker"](key, observation["talker"])
+        return jax.nn.softmax(learner.logits(learned, observation)["talker"])
+
+    robots = jnp.arange(world.robots)
+    over_targets = jax.vmap(speak, (None, 0))
+    spoken = jax.vmap(over_targets, (0, None))(robots, jnp.arange(world.targets))
+    itself = (robots[:, None] == robots)[:, :, None, None]
+    return jnp.where(itself, jnp.nan, jnp.moveaxis(spoken, 2, 0))
+
+
+def influence(learner: MADDPG, learned: Learned, states: State) -> Float[Array, "talker listener"]:
+    """How much each talker's word changes each robot's choice of a move, in bits.
+
+    Args:
+        learner: the learner.
+        learned: its agents.
+        states: those met, with leading axes of episodes and steps; the first few are used.
+
+    """
+    world = learner.world
+    assert isinstance(world, Language)
+    met = jax.tree.map(lambda part: part[:LISTENED].reshape(-1, *part.shape[2:]), states)
+    words = jnp.eye(world.capacity + 1)
+
+    def listen(
+        state: State, talker: Int[Array, ""], word: Float[Array, "word"]
+    ) -> Float[Array, "listener move"]:
+        heard = eqx.tree_at(lambda at: at.said, state, state.said.at[talker].set(word))
+        return jax.nn.softmax(learner.logits(learned, world.observe(heard))["mover"])
+
+    def influence_of(talker: Int[Array, ""]) -> Float[Array, "listener"]:
+        over_words = jax.vmap(listen, (None, None, 0))
+        moves = jax.vmap(over_words, (0, None, None))(met, talker, words)
+        prior = world.words / world.words.sum()
+        return jax.vmap(causal_influence, (2, None))(moves, prior)
+
+    return lax.map(influence_of, jnp.arange(world.robots))

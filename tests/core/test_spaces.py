@@ -1,0 +1,34 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ethogram.core.spaces import Box, Discrete, MultiDiscrete, Simplex
+
+PADDED = jnp.array([True, True, False])
+
+
+@pytest.mark.parametrize(
+    ("space", "inside", "outside"),
+    [
+        (Discrete(3), [0, 2], [-1, 3]),
+        (MultiDiscrete((2, 3)), [[0, 0], [1, 2]], [[2, 0], [0, 3], [-1, 1]]),
+        (Simplex(2), [[0, 1], [0.25, 0.75]], [[0.5, 0.6], [0.5, 0.4], [1.5, -0.5]]),
+        (Simplex(3, PADDED), [[0, 1, 0], [0.5, 0.5, 0]], [[0, 0, 1], [0.5, 0.25, 0.25]]),
+        (Box(-1, 2, (2,)), [[-1, 2], [0, 0]], [[-1.5, 0], [0, 2.5], [np.nan, 0]]),
+        (Box(-1, 2, (3,), PADDED), [[-1, 2, 0]], [[-1, 2, 1], [-2, 0, 0]]),
+        (Box(0, 1, (2, 1)), [[[0.5], [1]]], [[[0.5], [1.5]]]),
+    ],
+)
+def test_a_space_tells_what_is_in_it_along_the_last_axes(space, inside, outside):
+    values = jnp.array([inside[0], *inside, *outside])
+    found = space.contains(values)
+    np.testing.assert_array_equal(found, [True] * (1 + len(inside)) + [False] * len(outside))
+    stacked = space.contains(jnp.stack([values, values]))
+    np.testing.assert_array_equal(stacked, [found, found])
+
+
+def test_a_sum_of_weights_may_be_rounded():
+    weights = jnp.full(1000, 1 / 1000)
+    assert weights.sum() != 1
+    assert Simplex(1000).contains(weights)
+    assert not Simplex(1000).contains(weights * 1.001)
