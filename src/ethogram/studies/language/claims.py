@@ -1,0 +1,245 @@
+"""The seven claims of the chapter as tests that were stated before the run.
+
+R_val is the undiscounted return of all agents with sampled actions, a mean over the validation
+episodes of a trial.  A stated e means |W| = floor(e n_r n_t), without a choice to be silent.
+
+Claims 1, 2 and 6 speak of the normalised R_val: in every trial, and for each (n_r, n_t), scaled
+over all |W| from 0 to 4 n_r n_t to mean 0 and deviation 1.  The trials of one number, over all
+settings, are one repetition of the campaign and give one number.  In claim 1 that is a difference
+between two maxima, and the one outside is over more and so noisier values: what luck does to it
+speaks against the claim.  In claim 6 the outcome is what figure 2.3 spreads out in its boxes, the
+normalised R_val of the nine settings.
+
+Claim 4 compares Opt with every |W|, not with a best one that luck helped to choose; "at least as
+good" admits 5% of R_val.  Its gaps are to the |W| that is best on average over trials, and grow
+when their regression on n_r n_t has a slope above zero; the best is the luckier the more |W| there
+are to choose from, which again speaks against the claim.  Claim 5 takes e = 1 and 3, as Table 2.2
+does.  Where no margin is named it is zero.
+
+The claims are about policies that were trained for 20 000 episodes: after shorter training they
+are tested, and left undecided.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ethogram.campaign.study import Records
+from ethogram.core.findings import Claim
+from ethogram.studies.language import results as measure
+from ethogram.studies.language.plan import CURVE, SELECTED, Condition
+from ethogram.studies.language.results import (
+    SETTINGS,
+    Results,
+    Setting,
+)
+from ethogram.studies.statistics import ClaimSpec, Part, Side, Terms, Trials, difference, judge
+
+EPISODES = 20_000  # of training, that the chapter speaks of
+AT_LEAST_AS_GOOD = 0.05  # of R_val
+NEAR_ONE = 0.5  # in e
+LARGE = 9  # n_r n_t from which claim 3 speaks
+RETURN, NORMALISED = "return", "standard deviations of R_val"  # units
+
+
+def claims(records: Records) -> list[Claim]:
+    """All seven claims, judged together."""
+    results = Results.of(records)
+    specs = (
+        _peaks_near_one,
+        _worse_without_symbols,
+        _worse_with_too_many,
+        _optimal_best,
+        _harder_with_targets,
+        _spread_grows,
+        _baselines_faster,
+    )
+    return judge([spec(results) for spec in specs])
+
+
+def _peaks_near_one(results: Results) -> ClaimSpec:
+    near = np.abs(np.array(CURVE) - 1) <= NEAR_ONE
+    averaged = _normalised(results, CURVE)
+    lead = None
+    if averaged is not None:
+        curve = averaged.mean(0)
+        lead = curve[:, near].max(1) - curve[:, ~near].max(1)
+    return ClaimSpec(
+        number=1,
+        statement="Averaged over all (n_r, n_t), the normalised R_val peaks for e within 0.5 of 1.",
+        source="section 2.5.2, figure 2.1",
+        test="Per repetition of the campaign: the highest averaged value with e within 0.5 of 1 "
+        "exceeds the highest one elsewhere.",
+        parts=(_part("peak", _repetitions(results, lead), "more than", NORMALISED),),
+        reservation=_reservation(results),
+    )
+
+
+def _worse_without_symbols(results: Results) -> ClaimSpec:
+    averaged = _normalised(results, (0.0, 1.0))
+    change = None if averaged is None else averaged[..., 0].mean(0) - averaged[..., 1].mean(0)
+    return ClaimSpec(
+        number=2,
+        statement="Averaged over all (n_r, n_t), the normalised R_val is worse at e = 0 than at "
+        "e = 1.",
+        source="section 2.5.2, figure 2.1",
+        test="Per repetition of the campaign: the averaged value at e = 0 less that at e = 1 is "
+        "below zero.",
+        parts=(_part("e = 0 - e = 1", _repetitions(results, change), "less than", NORMALISED),),
+        reservation=_reservation(results),
+    )
+
+
+def _worse_with_too_many(results: Results) -> ClaimSpec:
+    return ClaimSpec(
+        number=3,
+        statement="For n_r n_t of 9 and more, R_val is lower at e = 3 than at e = 1.",
+        source="section 2.5.2, figure 2.2, table 2.2",
+        test="R_val at e = 3 less that at e = 1 is below zero in each of the four settings.",
+        parts=tuple(
+            _return_part(
+                results, f"e = 3 - e = 1, {one.words}", one.learned(3), one.learned(1), "less than"
+            )
+            for one in SETTINGS
+            if one.associations >= LARGE
+        ),
+        reservation=_reservation(results),
+    )
+
+
+def _optimal_best(results: Results) -> ClaimSpec:
+    parts = [
+        _return_part(
+            results,
+            f"optimal - {1 + AT_LEAST_AS_GOOD} {learned.policy}, {one.words}",
+            one.optimal,
+            learned,
+            "at least",
+            scale=1 + AT_LEAST_AS_GOOD,  # R_val is negative
+        )
+        for one in SETTINGS
+        for learned in one.curve()
+    ]
+    sizes = np.array([one.associations for one in SETTINGS], float)
+    weights = (sizes - sizes.mean()) / ((sizes - sizes.mean()) ** 2).sum()
+    slope = [
+        (sign * weight, trials)
+        for weight, one in zip(weights.tolist(), SETTINGS, strict=True)
+        for sign, trials in difference(
+            results.trials(measure.validation_return, one.optimal),
+            results.best_learned(one),
+        )
+    ]
+    growth = _part("growth of the gap", tuple(slope), "more than", "return per association")
+    return ClaimSpec(
+        number=4,
+        statement="Opt is at least as good as the best learned policy in every setting, and the "
+        "gap grows with n_r n_t.",
+        source="section 2.5.2, figure 2.2",
+        test="R_val of Opt is not lower by more than 5% than with any |W| of its setting; the "
+        "slope of the gap to the best |W| over n_r n_t is above zero.",
+        parts=(*parts, growth),
+        reservation=_reservation(results),
+    )
+
+
+def _harder_with_targets(results: Results) -> ClaimSpec:
+    parts = [
+        _return_part(
+            results,
+            f"{more.targets} - {fewer.targets} targets, {more.robots} robots, e = {e:g}",
+            more.learned(e),
+            fewer.learned(e),
+            "less than",
+        )
+        for e in SELECTED
+        if e >= 1
+        for fewer, more in pairwise(SETTINGS)
+        if fewer.robots == more.robots
+    ]
+    return ClaimSpec(
+        number=5,
+        statement="For e of 1 and more, R_val falls with n_t at fixed n_r.",
+        source="section 2.5.2, table 2.2",
+        test="At e = 1 and at e = 3, for every n_r: R_val with one target more is lower.",
+        parts=tuple(parts),
+        reservation=_reservation(results),
+    )
+
+
+def _spread_grows(results: Results) -> ClaimSpec:
+    outcomes = _normalised(results, (1.0, 3.0))
+    spread = None if outcomes is None else outcomes.std(0, ddof=1)
+    growth = None if spread is None else spread[:, 1] - spread[:, 0]
+    return ClaimSpec(
+        number=6,
+        statement="The spread of the outcome is larger at e = 3 than at e = 1.",
+        source="section 2.5.2, figure 2.3",
+        test="Per repetition of the campaign: the standard deviation of the normalised R_val over "
+        "the nine settings is larger at e = 3 than at e = 1.",
+        parts=(_part("e = 3 - e = 1", _repetitions(results, growth), "more than", NORMALISED),),
+        reservation=_reservation(results),
+    )
+
+
+def _baselines_faster(results: Results) -> ClaimSpec:
+    setting = Setting(3, 3)
+    parts = [
+        _part(
+            f"{baseline.policy} - e = {e:g}",
+            difference(
+                results.trials(measure.thousand_episodes, baseline),
+                results.trials(measure.thousand_episodes, setting.learned(e)),
+            ),
+            "less than",
+            "thousand episodes",
+        )
+        for baseline in (setting.no_communication, setting.optimal)
+        for e in SELECTED
+    ]
+    return ClaimSpec(
+        number=7,
+        statement="With 3 robots and 3 targets the baselines reach 95% of their final learning "
+        "reward in fewer episodes than the learned policies.",
+        source="section 2.5.3, figure 2.4, table 2.3",
+        test="Episodes until the learning reward is within 5% of its final value: fewer for each "
+        "baseline than for each learned policy, with e = 0.25, 1 and 3.",
+        parts=tuple(parts),
+        reservation=_reservation(results),
+    )
+
+
+def _normalised(results: Results, expressiveness: Sequence[float]) -> np.ndarray | None:
+    """Normalised R_val in all settings, Float[setting, trial, e]; None where a part is missing."""
+    if results.incomplete(SETTINGS):
+        return None
+    return results.normalised_at(SETTINGS, expressiveness)
+
+
+def _repetitions(results: Results, values: np.ndarray | None) -> Terms:
+    """One number per repetition of the campaign, or what is missing of it."""
+    missing = ", ".join(f"({one.robots}, {one.targets})" for one in results.incomplete(SETTINGS))
+    of_these = f" with (n_r, n_t) = {missing}" if missing else ""
+    return ((1.0, Trials(f"every |W|{of_these}", values)),)
+
+
+def _part(label: str, terms: Terms, side: Side, unit: str) -> Part:
+    return Part(label=label, terms=terms, side=side, margin=0.0, unit=unit)
+
+
+def _return_part(
+    results: Results, label: str, one: Condition, other: Condition, side: Side, scale: float = 1.0
+) -> Part:
+    """The R_val of one condition less that of another, scaled, against zero."""
+    a, b = (results.trials(measure.validation_return, each) for each in (one, other))
+    return _part(label, difference(a, b, scale), side, RETURN)
+
+
+def _reservation(results: Results) -> str:
+    """Why shorter training than the chapter's decides nothing."""
+    episodes = results.training_episodes
+    if episodes >= EPISODES:
+        return ""
+    trained, needed = (f"{count:,}".replace(",", " ") for count in (episodes, EPISODES))
+    return f"trained for {trained} of the {needed} episodes that the claim speaks of"

@@ -1,0 +1,180 @@
+"""The measures of the chapter, one number per trial, taken from stored records."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from ethogram.campaign.study import Records
+from ethogram.studies.language.plan import CURVE, SELECTED, Condition
+from ethogram.studies.statistics import Trials
+
+Measure = Callable[[xr.Dataset], np.ndarray]  # -> [trial]
+Metric = Callable[[np.ndarray], np.ndarray | float]  # of one trial's `meaning`: see `metrics`
+
+CLOSE = 0.05  # of the final learning reward: "95%"
+END_OF_TRAINING = 0.1  # the last tenth of the recorded points
+
+
+class Setting(NamedTuple):
+    """A size of the game."""
+
+    robots: int  # n_r
+    targets: int  # n_t
+
+    @property
+    def associations(self) -> int:
+        """n_r n_t."""
+        return self.robots * self.targets
+
+    @property
+    def words(self) -> str:
+        """For labels."""
+        return f"{self.robots} robots, {self.targets} targets"
+
+    def learned(self, expressiveness: float) -> Condition:
+        """Learned talkers with |W| = floor(e n_r n_t)."""
+        return Condition(*self, "learned", int(expressiveness * self.associations))
+
+    @property
+    def optimal(self) -> Condition:
+        """The baseline Opt (eq. 2.8): a symbol for every association."""
+        return Condition(*self, "optimal", self.associations)
+
+    @property
+    def no_communication(self) -> Condition:
+        """The baseline NoComm (eq. 2.7)."""
+        return Condition(*self, "no-communication", 0)
+
+    def selected(self) -> dict[str, Condition]:
+        """What Table 2.3 and figure 2.4 set side by side."""
+        learned = {f"e = {e:g}": self.learned(e) for e in SELECTED}
+        return {"NoComm": self.no_communication, "Opt": self.optimal, **learned}
+
+    def curve(self) -> list[Condition]:
+        """Learned talkers with every |W| from 0 to 4 n_r n_t."""
+        return list(dict.fromkeys(self.learned(e) for e in CURVE))
+
+
+SETTINGS = tuple(Setting(robots, targets) for robots in (2, 3, 4) for targets in (2, 3, 4))
+
+
+class Results(NamedTuple):
+    """The stored results by condition."""
+
+    by_condition: dict[Condition, xr.Dataset]
+
+    @classmethod
+    def of(cls, records: Records) -> "Results":
+        """Results by the condition that they say they are of, smallest first."""
+        found = {
+            Condition(*(data.attrs[field] for field in Condition._fields)): data
+            for data in (groups["results"] for groups in records.values())
+        }
+        return cls({condition: found[condition] for condition in sorted(found, key=_place)})
+
+    @property
+    def settings(self) -> list[Setting]:
+        """The sizes of the game of which anything was run, smallest first."""
+        return list(dict.fromkeys(Setting(at.robots, at.targets) for at in self.by_condition))
+
+    @property
+    def training_episodes(self) -> int:
+        """For how long policies were trained, at least."""
+        return min((int(data["point"][-1]) for data in self.by_condition.values()), default=0)
+
+    def trials(self, measure: Measure, condition: Condition) -> Trials:
+        """One number per trial of a condition, or word that it was not run."""
+        data = self.by_condition.get(condition)
+        return Trials(condition.words, None if data is None else measure(data).astype(float))
+
+    def incomplete(self, settings: Sequence[Setting]) -> list[Setting]:
+        """Those settings of whose curve a part was not run."""
+        return [one for one in settings if not self.by_condition.keys() >= set(one.curve())]
+
+    def normalised(self, setting: Setting) -> np.ndarray:
+        """R_val against |W|, of mean 0 and deviation 1 in every trial: Float[trial, alphabet].
+
+        The whole curve of the setting must have been run.
+        """
+        curve = np.stack(
+            [validation_return(self.by_condition[condition]) for condition in setting.curve()], 1
+        )
+        return (curve - curve.mean(1, keepdims=True)) / curve.std(1, keepdims=True)
+
+    def normalised_at(
+        self, settings: Sequence[Setting], expressiveness: Sequence[float]
+    ) -> np.ndarray:
+        """Normalised R_val where |W| = floor(e n_r n_t): Float[setting, trial, e]."""
+        return np.stack(
+            [
+                self.normalised(one)[:, [one.learned(e).alphabet for e in expressiveness]]
+                for one in settings
+            ]
+        )
+
+    def best_learned(self, setting: Setting) -> Trials:
+        """R_val of the alphabet that is best on average over trials."""
+        if self.incomplete([setting]):
+            return Trials(f"{setting.words}, every |W|", None)
+        curve = setting.curve()
+        mean = [validation_return(self.by_condition[condition]).mean() for condition in curve]
+        return self.trials(validation_return, curve[int(np.argmax(mean))])
+
+
+def mean_of(variable: str) -> Measure:
+    """The mean over validation episodes of a return."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return data[variable].values.mean(1)
+
+    return measure
+
+
+validation_return = mean_of("validation_return")  # R_val
+
+
+def lost(variable: str) -> Measure:
+    """How much of R_val goes when the channel is tampered with: "silenced" or "scrambled"."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return validation_return(data) - data[f"{variable}_return"].values.mean(1)
+
+    return measure
+
+
+def thousand_episodes(data: xr.Dataset) -> np.ndarray:
+    """After how many episodes, in thousands, R_learn first came to 95% of its final value.
+
+    R_learn is negative and nears its final value from below, so this is read as: no lower than
+    the final value by more than 5% of it.  The final value is the mean over the last tenth of
+    training, as the last recorded points are few episodes each.
+    """
+    point, reward = data["point"].values, data["training_return"].values
+    covered = np.diff(point, prepend=0)
+    last = slice(-max(1, round(len(point) * END_OF_TRAINING)), None)
+    final = np.average(reward[:, last], axis=1, weights=covered[last])
+    reached = reward >= (final - CLOSE * np.abs(final))[:, None]
+    return point[reached.argmax(1)] / 1000
+
+
+def of_speech(metric: Metric) -> Measure:
+    """A metric of what talkers say, averaged over talkers."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return np.array([np.mean(metric(meaning)) for meaning in data["meaning"].values])
+
+    return measure
+
+
+def influence(data: xr.Dataset) -> np.ndarray:
+    """Causal influence of a talker's words on how another robot moves, averaged over pairs."""
+    values = data["influence"].values
+    return values[:, ~np.eye(values.shape[1], dtype=bool)].mean(1)
+
+
+def _place(condition: Condition) -> tuple[int, int, bool, bool, int]:
+    """Where a condition stands in a table: baselines before the learned, by size."""
+    robots, targets, talkers, alphabet, silence = condition
+    return robots, targets, silence, talkers == "learned", alphabet
