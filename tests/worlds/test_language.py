@@ -259,6 +259,12 @@ def test_languages_of_all_sizes_share_one_program():
     assert len(traces) == 1
 
 
+def test_a_world_can_be_changed_inside_a_compiled_program():
+    world = Language(alphabet=3)
+    shape = jax.jit(lambda key: replace(world, targets=5).reset(key)[0].target)(KEY).shape
+    assert shape == (5, 2)
+
+
 def test_an_alphabet_without_room_and_a_lone_robot_are_refused():
     with pytest.raises(InvalidSettings, match="alphabet = 5 is more than capacity = 4"):
         Language(alphabet=5)

@@ -54,7 +54,7 @@ def joint(**policies: RolePolicy) -> Policy:
 
 
 class NoCommunication(eqx.Module):
-    """Talkers that never speak (eq. 2.7); they need no symbol."""
+    """Talkers that never speak (eq. 2.7): they need no symbol, hence `alphabet=0`."""
 
     words: int = eqx.field(static=True)
 

@@ -85,9 +85,7 @@ class Language(World):
         """
         if isinstance(self.alphabet, jax.core.Tracer):
             return
-        largest = np.asarray(
-            self.alphabet
-        ).max()  # not traced, even if this world is made while others are
+        largest = np.asarray(self.alphabet).max()  # NumPy: under jit JAX would trace this, too
         if largest > self.capacity:
             raise InvalidSettings(
                 f"Language: alphabet = {largest} is more than capacity = {self.capacity}."
