@@ -45,6 +45,10 @@ class Checkpoints:
             notes.append(f"{path} is damaged: the case goes back to before it.")
         return None, notes
 
+    def newest(self) -> Path | None:
+        """The file of the last checkpoint, if any."""
+        return next(iter(self._found()), None)
+
     def clear(self) -> None:
         """Remove the checkpoint: the record is in place."""
         for found in self._found():

@@ -100,9 +100,7 @@ class Plan(Generic[S]):
         )
 
 
-def _points(
-    kind: type[S], tree: Tree, grids: Iterable[Grid], complaints: Complaints
-) -> list[S]:
+def _points(kind: type[S], tree: Tree, grids: Iterable[Grid], complaints: Complaints) -> list[S]:
     """Every different combination once; what is wrong with any of them becomes a complaint."""
     points: dict[bytes, S] = {}
     for grid in grids:

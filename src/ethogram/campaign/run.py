@@ -4,6 +4,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from ethogram.campaign.case import Case
@@ -84,7 +85,7 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
         store.save_failure(
             Failure(
                 case=case,
-                error=_in_one_line(error),
+                error=_in_one_line(error, checkpoints.newest()),
                 traceback=traceback.format_exc(),
                 started=started,
                 seconds=time.monotonic() - clock,
@@ -93,6 +94,8 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
     return context.notes
 
 
-def _in_one_line(error: Exception) -> str:
+def _in_one_line(error: Exception, checkpoint: Path | None) -> str:
     message = (str(error).strip() or "no message").splitlines()[0]
-    return message if isinstance(error, EthogramError) else f"{type(error).__name__}: {message}"
+    if not isinstance(error, EthogramError):
+        message = f"{type(error).__name__}: {message}"
+    return message if checkpoint is None else f"{message} Last checkpoint: {checkpoint}"

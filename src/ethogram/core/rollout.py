@@ -74,9 +74,7 @@ def rollout(
         fresh = Position(*world.reset(for_reset))
         reached = Position(state, outcome.observation)
         after = jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
-        return after, Transition(
-            for_world, at.state, at.observation, action, outcome, state, last
-        )
+        return after, Transition(for_world, at.state, at.observation, action, outcome, state, last)
 
     return lax.scan(advance, start, jax.random.split(key, steps))
 

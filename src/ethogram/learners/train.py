@@ -88,5 +88,20 @@ def _require_finite(metrics: Metrics, first: int) -> None:
     for path, values in jax.tree_util.tree_leaves_with_path(metrics):
         broken = ~np.isfinite(values).reshape(len(values), -1).all(1)
         if broken.any():
+            update = int(broken.argmax())
             name = jax.tree_util.keystr(path, simple=True, separator=".")
-            raise Diverged(f"{name} is not finite at update {first + int(broken.argmax())}.")
+            where = [int(at) for at in np.argwhere(~np.isfinite(values[update]))[0]]
+            raise Diverged(
+                f"{name}{where or ''} is not finite at update {first + update}; "
+                f"after {first} updates all was."
+            )
+
+
+def even_chunk(updates: int, most: int) -> int:
+    """How long to make chunks of at most `most` updates so that, if may be, all are as long.
+
+    Chunks of another length are another program to compile.  Those of more than half of `most`
+    are tried; where none divides `updates`, the last one will be shorter.
+    """
+    most = max(1, min(most, updates))
+    return next((size for size in range(most, most // 2, -1) if updates % size == 0), most)

@@ -19,7 +19,7 @@ from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.maddpg import MADDPG, Learned, Playing
-from ethogram.learners.train import Diverged, train
+from ethogram.learners.train import Diverged, even_chunk, train
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, plays
 from ethogram.studies.language.validation import Watched, watch, watched_bytes
 from ethogram.worlds.language.scene import record
@@ -27,7 +27,7 @@ from ethogram.worlds.language.scene import record
 COMPILE_SECONDS = 30.0
 PROCESS_BYTES = 800_000_000  # Python, JAX and compiled programs
 MULTIPLICATIONS_PER_SECOND = 25e9  # in training, one core; see benchmarks
-CHUNK_MULTIPLICATIONS = 50e9  # between two checkpoints: about two seconds
+CHUNK_MULTIPLICATIONS = 50e9  # between two checkpoints: some seconds
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
 REPLAY = "learned.replay.rows"
@@ -104,7 +104,7 @@ def _train(
     """Train a trial to its end: first it only plays, then it learns as well."""
     reward, planned = trial.reward, plays(settings)
     begins = min(learner.first_plays, planned)
-    chunk = max(1, int(CHUNK_MULTIPLICATIONS / _multiplications(learner) / learner.rounds))
+    most = int(CHUNK_MULTIPLICATIONS / _multiplications(learner) / learner.rounds)
 
     def after_chunk(played: int, learned: Learned, metrics: Any) -> None:
         earned = sum(part.sum(-1) for part in metrics["reward"].values()).reshape(-1)
@@ -115,13 +115,18 @@ def _train(
         context.progress(len(finished) * planned + played, settings.trials * planned)
         context.checkpoint(lambda: _to_arrays(Trial(learned, played, reward), finished))
 
-    learned, start = trial.learned, trial.played
+    learned = trial.learned
     try:
-        for stage, end in ((Playing(learner), begins), (learner, planned)):
+        for stage, start, end in ((Playing(learner), 0, begins), (learner, begins, planned)):
             learned = train(
-                stage, key, learned, end, chunk=chunk, after_chunk=after_chunk, start=start
+                stage,
+                key,
+                learned,
+                end,
+                chunk=even_chunk(end - start, most),
+                after_chunk=after_chunk,
+                start=max(start, trial.played),
             )
-            start = max(start, end)
     except Diverged as error:
         raise Diverged(f"Trial {len(finished)}: {error}") from error
     return Trial(learned, planned, reward)
@@ -196,6 +201,7 @@ def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
             "targets": condition.targets,
             "talkers": condition.talkers,
             "alphabet": condition.alphabet,
+            "silence": condition.silence,
             "discount": settings.learner.discount,
         },
     )

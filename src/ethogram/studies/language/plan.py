@@ -124,7 +124,9 @@ PLANS = {
         "hour: every alphabet at 2x2, four at 3x3.",
         settings=Settings(trials=3),
         grid={**_TWO, "talkers": TALKERS, "expressiveness": CURVE},
-        further=({**_THREE, "talkers": TALKERS, "expressiveness": (0.0, *SELECTED)},),
+        further=(
+            {**_THREE, "talkers": TALKERS, "expressiveness": (0.0, *SELECTED), "room": (3.0,)},
+        ),
     ),
     "thesis": Plan(
         name="thesis",

@@ -1,6 +1,6 @@
-"""Watch trained agents play, and ask what their words mean and what they do."""
+"""Watch trained agents play, with the channel and without, and ask what their words mean."""
 
-from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -20,8 +20,6 @@ from ethogram.worlds.language.world import distances
 
 LISTENED = 20  # episodes in whose states talkers are made to say every word in turn
 _EPISODES = "episodes"  # the axis of episodes played side by side
-
-Channel = Callable[[Float[Array, "robot word"]], Float[Array, "robot word"]]  # said -> heard
 
 
 def watched_bytes(learner: MADDPG, episodes: int) -> int:
@@ -48,35 +46,49 @@ class Watched(NamedTuple):
     states: State  # that it reached, steps leading
 
 
+class Mode(NamedTuple):
+    """A way to play: with noise or without, heard, not heard, or heard by others."""
+
+    noise: bool = True
+    silenced: bool = False
+    scrambled: bool = False  # heard is what was said at the same step of another episode
+
+
+MODES = {
+    "validation": Mode(),
+    "noise_free": Mode(noise=False),
+    "silenced": Mode(silenced=True),
+    "scrambled": Mode(scrambled=True),
+}
+
+
 @eqx.filter_jit
 def watch(learner: MADDPG, learned: Learned, key: Key[Array, ""], episodes: int) -> Watched:
-    """Validate a trial: the same starts with and without noise, and with the channel broken."""
+    """Validate a trial: the same starts in every mode, side by side."""
     world = learner.world
     assert isinstance(world, Language)
     keys = jax.random.split(key, episodes)
-    noisy, noise_free = learner.policy(learned), learner.policy(learned, noise=False)
 
-    def play(policy: Policy) -> Transition:
-        def one(key: Key[Array, ""]) -> Transition:
-            return rollout(world, policy, key, world.horizon)[1]
+    def play(mode: Mode, key: Key[Array, ""]) -> Transition:
+        policy = _in_mode(mode, learner, learned, episodes)
+        return rollout(world, policy, key, world.horizon)[1]
 
-        return jax.vmap(one, axis_name=_EPISODES)(keys)
-
-    played = play(noisy)
+    over_episodes = jax.vmap(play, (None, 0), axis_name=_EPISODES)
+    modes = jax.tree.map(lambda *flags: jnp.array(flags), *MODES.values())
+    played = jax.vmap(over_episodes, (0, None))(modes, keys)
+    returns = dict(zip(MODES, overall(played).sum(-1), strict=True))
+    normal = jax.tree.map(lambda part: part[list(MODES).index("validation")], played)
     return Watched(
-        validation=overall(played).sum(1),
-        noise_free=overall(play(noise_free)).sum(1),
-        discounted=overall_discounted(played, learner.discount),
-        silenced=overall(play(through(silence, noisy))).sum(1),
-        scrambled=overall(play(through(_scrambler(episodes), noisy))).sum(1),
+        **returns,
+        discounted=overall_discounted(normal, learner.discount),
         meaning=meaning(learner, learned),
-        influence=influence(learner, learned, played.before),
-        start=jax.tree.map(lambda part: part[0, 0], played.before),
-        states=jax.tree.map(lambda part: part[0], played.state),
+        influence=influence(learner, learned, normal.before),
+        start=jax.tree.map(lambda part: part[0, 0], normal.before),
+        states=jax.tree.map(lambda part: part[0], normal.state),
     )
 
 
-def overall(played: Transition) -> Float[Array, "episode step"]:
+def overall(played: Transition) -> Float[Array, "*batch step"]:
     """Reward of all agents together."""
     return jnp.concatenate([*played.outcome.reward.values()], -1).sum(-1)
 
@@ -91,25 +103,20 @@ def overall_discounted(played: Transition, discount: Number) -> Float[Array, "ep
     return discounted(jnp.concatenate([first[:, None], overall(played)], 1).T, discount)
 
 
-def through(channel: Channel, policy: Policy) -> Policy:
-    """The policy, but everyone hears what the channel makes of what is said."""
+def _in_mode(mode: Mode, learner: MADDPG, learned: Learned, episodes: int) -> Policy:
+    noisy, noise_free = learner.policy(learned), learner.policy(learned, noise=False)
+    to_the_next = [(episode, (episode + 1) % episodes) for episode in range(episodes)]
 
     def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
-        action = policy(key, observation)
-        return action | {"talker": channel(action["talker"])}
+        with_noise, without = noisy(key, observation), noise_free(key, observation)
+        action = jax.tree.map(partial(jnp.where, mode.noise), with_noise, without)
+        said = action["talker"]
+        elsewhere = lax.ppermute(said, _EPISODES, to_the_next)  # type: ignore[no-untyped-call]
+        silence = jnp.zeros_like(said).at[:, 0].set(1.0)
+        heard = jnp.where(mode.scrambled, elsewhere, jnp.where(mode.silenced, silence, said))
+        return action | {"talker": heard}
 
     return act
-
-
-def silence(said: Float[Array, "robot word"]) -> Float[Array, "robot word"]:
-    """Nothing is heard."""
-    return jnp.zeros_like(said).at[:, 0].set(1.0)
-
-
-def _scrambler(episodes: int) -> Channel:
-    """What is heard was said at the same step of another episode, in which all else differs."""
-    ring = [(episode, (episode + 1) % episodes) for episode in range(episodes)]
-    return lambda said: lax.ppermute(said, _EPISODES, ring)  # type: ignore[no-untyped-call]
 
 
 def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided target word"]:
