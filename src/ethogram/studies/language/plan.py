@@ -153,10 +153,14 @@ def condition_of(settings: Settings) -> Condition:
     if settings.talkers == "optimal":
         alphabet = world.robots * world.targets
     elif settings.talkers == "learned":
-        exact = settings.expressiveness * world.robots * world.targets
-        alphabet = math.floor(exact + ROUNDING)
+        alphabet = alphabet_of(settings.expressiveness, world.robots * world.targets)
     silence = world.allow_silence and alphabet > 0 and settings.talkers == "learned"
     return Condition(world.robots, world.targets, settings.talkers, alphabet, silence)
+
+
+def alphabet_of(expressiveness: float, associations: int) -> int:
+    """|W| = floor(e n_r n_t)."""
+    return math.floor(expressiveness * associations + ROUNDING)
 
 
 def cases(plan: Plan[Settings]) -> list[Case]:
@@ -179,7 +183,7 @@ def world_of(settings: Settings) -> Language:
     """The world of a case; learned languages have room for larger alphabets than their own."""
     condition, capacity = condition_of(settings), 0
     if condition.talkers == "learned":
-        capacity = math.floor(settings.room * condition.associations + ROUNDING)
+        capacity = alphabet_of(settings.room, condition.associations)
     return Language(
         **dataclasses.asdict(settings.world),
         alphabet=condition.alphabet,
