@@ -1,0 +1,236 @@
+"""How fast the language world steps, beside the same game in the packages people use.
+
+    pip install -e '.[bench]'  # the peers; one that is missing is left out
+    python benchmarks/language.py [--cores 2] [--json FILE]
+
+The game is two robots, three targets and ten symbols, 25 steps an episode: our Language, JaxMARL's
+MPE_simple_reference_v3 and mpe2's simple_reference_v3 (PettingZoo's particle environments), all
+with discrete actions.  A robot is two agents to us, a mover and a talker, and one agent that does
+both to the peers; so environment steps are counted, not agent steps.  Not all work is the same:
+we answer four agents and let a robot hear itself (66 numbers observed a step, against 42), JaxMARL
+computes noise and contact forces and then multiplies them by zero.
+
+On all sides a step draws one number from 0 to 49 per robot, move and symbol, inside the loop, and
+starts a new episode where one has ended.  In both JAX programs the observations after that, and
+the rewards, are folded into the scan's carry, so that nothing can be optimised away; Python
+optimises nothing away.  mpe2 steps one copy at a time, so that one stands for any number of them.
+
+"Copies" are those of one process with one thread; there is such a process per core, all at the
+same time, which is how a campaign uses the machine, and the figures are sums over them.  Seconds
+are those of the processor: the clock's, since no process ever waits, unless other programs run.
+The sides take turns, `ROUNDS` times; a figure is the median, followed by the range.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+from threading import Barrier
+from typing import Any
+
+COPIES = (1, 256, 4096)
+ROBOTS, TARGETS, SYMBOLS, STEPS = 2, 3, 10, 25  # what the peers' game has
+MOVES = 5
+ROUNDS, SECONDS = 5, 1.0  # of the processor, for each side in a round
+STEPS_PER_CALL = 10_000  # about; so many that the price of a call vanishes
+PATIENCE = 60.0  # seconds that a process waits for the others
+
+Run = Callable[[], int]  # takes a chunk of environment steps and says how many they were
+
+
+def ethogram(copies: int) -> Run:
+    """Our world, stepped and reset by `rollout`."""
+    import jax
+
+    from ethogram.core.rollout import Position, rollout
+    from ethogram.worlds.language import Language
+
+    world = Language(
+        robots=ROBOTS, targets=TARGETS, alphabet=SYMBOLS, capacity=SYMBOLS, steps=STEPS
+    )
+
+    def reset(key):
+        return Position(*world.reset(key))
+
+    def advance(key, at, choice):
+        action = {
+            "mover": jax.nn.one_hot(choice % MOVES, MOVES),
+            "talker": jax.nn.one_hot(1 + choice // MOVES, 1 + SYMBOLS),  # word 0 is silence
+        }
+        after, taken = rollout(world, lambda *_: action, key, 1, at)
+        return after, (after.observation, taken.outcome.reward)
+
+    return in_batch(reset, advance, copies)
+
+
+def jaxmarl(copies: int) -> Run:
+    """JaxMARL's environment, whose own `step` resets it."""
+    from jaxmarl import make
+
+    environment = make("MPE_simple_reference_v3", max_steps=STEPS - 1)  # it takes one more
+
+    def advance(key, at, choice):
+        action = dict(zip(environment.agents, choice, strict=True))
+        observation, state, reward, _, _ = environment.step(key, at[1], action)
+        return (observation, state), (observation, reward)
+
+    return in_batch(environment.reset, advance, copies)
+
+
+def in_batch(reset: Callable, advance: Callable, copies: int) -> Run:
+    """Random play in many copies of a world written in JAX.
+
+    Args:
+        reset: key -> where the world stands.
+        advance: (key, where it stands, choice: Int[robot]) -> (where it stands then, all seen).
+        copies: how many worlds are stepped together.
+
+    """
+    import jax
+    import jax.numpy as jnp
+    from jax import lax
+
+    from ethogram.core.keys import fold_in, trial_keys
+
+    steps = STEPS * max(1, STEPS_PER_CALL // (STEPS * copies))
+
+    def step(carry, key):
+        at, total = carry
+        for_choice, for_world = jax.random.split(key)
+        choice = jax.random.randint(for_choice, (ROBOTS,), 0, MOVES * SYMBOLS)
+        at, seen = advance(for_world, at, choice)
+        return (at, total + sum(part.sum() for part in jax.tree.leaves(seen))), None
+
+    @jax.jit
+    @jax.vmap
+    def chunk(key, carry):
+        return lax.scan(step, carry, jax.random.split(key, steps))[0]
+
+    keys = trial_keys(0, "benchmark", copies)
+    carry = jax.jit(jax.vmap(reset))(keys), jnp.zeros(copies)
+    calls = count()
+
+    def run() -> int:
+        nonlocal carry
+        carry = chunk(fold_in(keys, next(calls)), carry)
+        if not jnp.abs(carry[1]).min() > 0:
+            raise RuntimeError("nothing was seen: the benchmark does not measure stepping")
+        return steps * copies
+
+    return run
+
+
+def mpe2(copies: int) -> Run:
+    """One copy of mpe2's environment, whatever `copies` is."""
+    del copies
+    import numpy as np
+    from mpe2 import simple_reference_v3
+
+    environment = simple_reference_v3.parallel_env(max_cycles=STEPS)
+    environment.reset(seed=0)
+    generator = np.random.default_rng(0)
+
+    def run() -> int:
+        for _ in range(STEPS):
+            choice = generator.integers(MOVES * SYMBOLS, size=ROBOTS)
+            environment.step(dict(zip(environment.agents, choice, strict=True)))
+            if not environment.agents:
+                environment.reset()
+        return STEPS
+
+    return run
+
+
+SIDES: dict[str, Callable[[int], Run]] = {"ethogram": ethogram, "jaxmarl": jaxmarl, "mpe2": mpe2}
+
+
+def measure(sides: list[str], copies: int, together: Barrier) -> list[dict[str, float]]:
+    """Per round: environment steps per second of each side in this process."""
+    runs = {side: SIDES[side](copies) for side in sides}
+    for run in runs.values():
+        run()  # compiles
+    rounds = []
+    for _ in range(ROUNDS):
+        rates = {}
+        for side, run in runs.items():
+            together.wait()
+            began, steps = time.process_time(), 0
+            while (spent := time.process_time() - began) < SECONDS:
+                steps += run()
+            rates[side] = steps / spent
+        rounds.append(rates)
+    return rounds
+
+
+def side_by_side(cores: int, sides: list[str], copies: int) -> dict[str, list[float]]:
+    """Per side: the sum over one process per core in each round."""
+    context = multiprocessing.get_context("spawn")
+    quiet = {"initializer": os.dup2, "initargs": (2, 1)}  # what a peer prints is not in the table
+    with (
+        context.Manager() as manager,
+        ProcessPoolExecutor(cores, mp_context=context, **quiet) as pool,
+    ):
+        together = manager.Barrier(cores, timeout=PATIENCE)  # broken if a process fails
+        jobs = [pool.submit(measure, sides, copies, together) for _ in range(cores)]
+        found = [job.result() for job in jobs]
+    return {
+        side: [sum(rates[side] for rates in same) for same in zip(*found, strict=True)]
+        for side in sides
+    }
+
+
+def world_speed(cores: int, sides: list[str]) -> list[dict[str, Any]]:
+    """Print the table of environment steps per second; return its rows with every round."""
+    peers = sides[1:]
+    ratios = [f"ethogram / {peer}" for peer in peers]
+    print("| copies a process |", " | ".join([*sides, *ratios]), "|")
+    print("| ---: |" + " ---: |" * (len(sides) + len(peers)))
+    rows = []
+    for copies in COPIES:
+        rounds = side_by_side(cores, sides, copies)
+        median = {side: statistics.median(rates) for side, rates in rounds.items()}
+        figures = [
+            f"{median[side] / 1e3:,.1f} k/s ({min(rates) / 1e3:,.1f} to {max(rates) / 1e3:,.1f})"
+            for side, rates in rounds.items()
+        ]
+        times = [f"{median['ethogram'] / median[peer]:,.1f}" for peer in peers]
+        print(f"| {copies} |", " | ".join([*figures, *times]), "|", flush=True)
+        rows.append({"copies": copies, "steps_per_second": median, "rounds": rounds})
+    return rows
+
+
+def main() -> None:
+    """Measure, print a table, and keep the figures where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cores", type=int, default=os.cpu_count())
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+
+    from ethogram.campaign.threads import limit_threads
+
+    limit_threads()  # as in a campaign: one thread per process
+    sides = [side for side in SIDES if find_spec(side)]
+    for side in sorted(SIDES.keys() - sides):
+        print(f"{side} is left out: it is not installed (pip install '.[bench]')", file=sys.stderr)
+    rows = world_speed(options.cores, sides)
+    if options.json:
+        versions = {package: version(package) for package in ["jax", *sides]}
+        python = sys.version.split()[0]
+        options.json.write_text(
+            json.dumps(
+                {"cores": options.cores, "python": python, "versions": versions, "worlds": rows}
+            )
+        )
+
+
+if __name__ == "__main__":
+    main()
