@@ -257,6 +257,36 @@ def test_a_missing_condition_is_not_run_and_named_once():
     assert claim.effect is claim.low is claim.high is claim.p_value is None
 
 
+@pytest.mark.parametrize(
+    ("mean", "expected", "note"),
+    [
+        (1.5, "undecided", "not run: elsewhere; rests on: here"),
+        (-1.5, "refuted", "rests on: here"),
+    ],
+)
+def test_a_claim_run_in_part_can_be_refuted_and_not_confirmed(mean, expected, note):
+    here = part((1.0, normal(1, mean)), label="here")
+    elsewhere = part(*difference(normal(2, 0), Trials("elsewhere", None)))
+    claim, alone = verdict(elsewhere, here), verdict(here)
+    assert alone.verdict != "undecided"
+    assert claim == dataclasses.replace(alone, verdict=expected, note=note)
+
+
+def test_a_claim_run_in_part_shows_the_weakest_part_and_counts_what_was_not_run():
+    absent = [part((1.0, Trials(f"place {number}", None))) for number in range(5)]
+    strong, weak = (part((1.0, normal(1, mean)), label=f"{mean}") for mean in (9.0, 0.1))
+    claim = verdict(*absent, strong, weak)
+    assert claim.verdict == "undecided"
+    assert claim.note == "not run: place 0; place 1; place 2; and 2 more; rests on: 0.1"
+    assert (claim.effect, claim.p_value) == (verdict(weak).effect, verdict(strong, weak).p_value)
+
+
+def test_a_claim_run_in_part_says_what_forbids_the_test_of_the_rest():
+    claim = verdict(part((1.0, trials(1.0, name="one"))), part((1.0, Trials("absent", None))))
+    assert (claim.verdict, claim.effect) == ("undecided", None)
+    assert claim.note == "not run: absent; rests on: a setting; fewer than two trials: one"
+
+
 def test_a_claim_that_was_not_run_takes_no_share_of_the_correction():
     tested = spec(part((1.0, normal(1, 1.0))), number=2)
     absent = spec(part((1.0, Trials("absent", None))), number=1)
@@ -368,6 +398,17 @@ def test_more_claims_never_turn_a_doubt_into_a_decision(family):
         alone = verdict(*family[number])
         assert claim.p_value >= alone.p_value
         assert claim.verdict in (alone.verdict, "undecided")
+
+
+@given(families)
+def test_a_part_that_was_not_run_takes_away_a_confirmation_and_nothing_else(family):
+    absent = part((1.0, Trials("elsewhere", None)))
+    whole = judge([spec(*one, number=n) for n, one in enumerate(family)])
+    partly = judge([spec(*one, absent, number=n) for n, one in enumerate(family)])
+    for one, other in zip(whole, partly, strict=True):
+        expected = "undecided" if one.verdict == "confirmed" else one.verdict
+        assert other == dataclasses.replace(one, verdict=expected, note=other.note)
+        assert ("not run: elsewhere" in other.note) == (expected == "undecided")
 
 
 def wrong_verdicts(repetitions: int) -> float:

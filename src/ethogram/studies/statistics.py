@@ -13,8 +13,12 @@ A claim is confirmed by its weakest part (the intersection-union test: p = max p
 by its strongest counter-example (Bonferroni over k parts: p = k min p_fails).  Twice the smaller of
 the two is the claim's p-value, to which Holm's step-down correction (1979) over the claims of the
 study is applied.  The interval reported is that of the deciding part at the level that Holm leaves
-to the claim, so it lies wholly on one side of the margin exactly when the verdict is a decision,
-unless a reservation withholds it.
+to the claim, so it lies wholly on one side of the margin exactly when the verdict is a decision.
+
+Two things withhold a decision.  A claim of which only some parts were run is tested on these: a
+counter-example among them refutes it, but what they agree on does not confirm it, for want of the
+others.  A claim with a reservation is decided neither way.  P-value and interval are in both cases
+those of the test.
 """
 
 import math
@@ -141,6 +145,11 @@ class Part:
         if self.side == "within" and self.margin < 0:
             raise ValueError(f"{self.label}: nothing lies within the margin {self.margin}")
 
+    @property
+    def missing(self) -> list[str]:
+        """The conditions that it compares and that were not run."""
+        return [trials.name for _, trials in self.terms if trials.missing]
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimSpec:
@@ -161,22 +170,28 @@ class ClaimSpec:
         if not self.parts:
             raise ValueError(f"claim {self.number} has no part to test")
 
+    @property
+    def lack(self) -> str:
+        """Which conditions were not run: the first few by name, the others counted."""
+        names = list(dict.fromkeys(name for part in self.parts for name in part.missing))
+        more = f"; and {len(names) - 3} more" if len(names) > 3 else ""
+        return f"not run: {'; '.join(names[:3])}{more}" if names else ""
+
 
 def judge(specs: Sequence[ClaimSpec]) -> list[Claim]:
     """Test a study's claims together and return them with verdicts, in the order given.
 
-    A claim with a missing condition is "not run" and takes no share of the correction.  A part
-    that cannot be tested, for want of a second trial or of a defined value, cannot confirm its
-    claim; the note of an undecided claim says so.
+    Tested are the parts whose conditions were all run.  A claim without any is "not run" and
+    takes no share of the correction.  A claim of which other parts were not run, or cannot be
+    tested for want of a second trial or of a defined value, can be refuted and not confirmed; the
+    note of an undecided claim says so.
     """
-    run = [spec for spec in specs if not _missing(spec)]
-    tested = [[_test(part) for part in spec.parts] for spec in run]
-    corrected = holm([_p_value(parts) for parts in tested])
-    judged = {
-        spec.number: _conclude(spec, parts, one)
-        for spec, parts, one in zip(run, tested, corrected, strict=True)
-    }
-    return [judged[spec.number] if spec.number in judged else _not_run(spec) for spec in specs]
+    tested = [[_test(part) for part in spec.parts if not part.missing] for spec in specs]
+    corrected = iter(holm([_p_value(parts) for parts in tested if parts]))
+    return [
+        _conclude(spec, parts, next(corrected)) if parts else _not_run(spec)
+        for spec, parts in zip(specs, tested, strict=True)
+    ]
 
 
 class Corrected(NamedTuple):
@@ -309,18 +324,6 @@ def _p_value(parts: Sequence[_Tested]) -> float:
     return min(1.0, 2.0 * min(_p_confirm(parts), _p_refute(parts)))
 
 
-def _missing(spec: ClaimSpec) -> list[str]:
-    """The conditions that a claim needs and that were not run, each once."""
-    names = (trials.name for part in spec.parts for _, trials in part.terms if trials.missing)
-    return list(dict.fromkeys(names))
-
-
-def _missing_note(names: Sequence[str]) -> str:
-    """Which conditions were not run: the first few by name, the others counted."""
-    named, more = "; ".join(names[:3]), len(names) - 3
-    return f"not run: {named}" + (f"; and {more} more" if more > 0 else "")
-
-
 def _not_run(spec: ClaimSpec) -> Claim:
     return Claim(
         number=spec.number,
@@ -333,12 +336,12 @@ def _not_run(spec: ClaimSpec) -> Claim:
         unit=spec.parts[0].unit,
         p_value=None,
         verdict="not run",
-        note=_missing_note(_missing(spec)),
+        note=spec.lack,
     )
 
 
 def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected) -> Claim:
-    """Verdict, and the effect and interval of the part on which it rests."""
+    """Verdict, and the effect and interval of the part, of those tested, on which it rests."""
     verdict: Verdict = "undecided"
     decisive = max(parts, key=lambda one: one.p_holds)
     level = corrected.level / len(parts)
@@ -346,11 +349,12 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected) -
         verdict, level = "confirmed", corrected.level
     elif corrected.rejected:
         verdict, decisive = "refuted", min(parts, key=lambda one: one.p_fails)
-    if spec.reservation:
+    if spec.reservation or (spec.lack and verdict == "confirmed"):
         verdict = "undecided"
+    lack = spec.lack if verdict == "undecided" else ""
     effect = decisive.effect
     interval = Interval(None, None) if effect is None else effect.interval(level)
-    rests = f"rests on: {decisive.part.label}" if len(parts) > 1 else ""
+    rests = f"rests on: {decisive.part.label}" if len(spec.parts) > 1 else ""
     return Claim(
         number=spec.number,
         statement=spec.statement,
@@ -362,5 +366,5 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected) -
         unit=decisive.part.unit,
         p_value=corrected.p_value,
         verdict=verdict,
-        note="; ".join(filter(None, [spec.reservation, rests, decisive.note])),
+        note="; ".join(filter(None, [spec.reservation, lack, rests, decisive.note])),
     )
