@@ -59,15 +59,15 @@ def outcome(setting, condition, peak=1.0, opt=0.0):
     return level - 10 * abs(distance) if distance < 0 else level - 0.3 * size * distance
 
 
-def campaign(settings=SETTINGS, episodes=20_000, **changes):
-    """Records of all that the thesis runs at some settings, with a little noise."""
+def campaign(settings=SETTINGS, expressiveness=CURVE, episodes=20_000, **changes):
+    """Records of all that the thesis runs at some settings and e, with a little noise."""
     rng = np.random.default_rng(0)
     return {
         condition.name: record(
             condition, outcome(one, condition, **changes) + rng.normal(0, 0.02, TRIALS), episodes
         )
         for one in settings
-        for condition in (*one.curve(), one.optimal, one.no_communication)
+        for condition in (*map(one.learned, expressiveness), one.optimal, one.no_communication)
     }
 
 
@@ -87,6 +87,12 @@ def smallest():
     }
 
 
+@pytest.fixture(scope="module")
+def excerpt(smallest):
+    """Two robots and two targets in full, three of each at the values of e of the tables."""
+    return smallest | campaign((Setting(3, 3),), (0.0, *SELECTED))
+
+
 def verdicts(records):
     return [claim.verdict for claim in claims(records)]
 
@@ -99,6 +105,7 @@ def test_the_settings_are_those_of_the_campaign():
     assert [Setting(2, 3).learned(e).alphabet for e in (0.25, 1, 3)] == [1, 6, 18]
     reached = {Setting(4, 4).learned(e).alphabet for e in CURVE}
     assert reached == set(range(65))
+    assert Setting(7, 7).learned(1 / 49).alphabet == 1  # although 1 / 49 * 49 < 1
 
 
 def test_published_numbers_are_complete():
@@ -131,7 +138,8 @@ def test_the_final_reward_weighs_points_by_their_episodes():
 
 
 def test_rewards_are_normalised_within_each_trial_and_setting(smallest):
-    normalised = Results.of(smallest).normalised(Setting(2, 2))
+    every = [symbols / 4 for symbols in range(17)]
+    (normalised,) = Results.of(smallest).normalised([Setting(2, 2)], every)
     assert normalised.shape == (TRIALS, 17)
     np.testing.assert_allclose(normalised.mean(1), 0, atol=1e-12)
     np.testing.assert_allclose(normalised.std(1), 1)
@@ -141,10 +149,36 @@ def test_rewards_are_normalised_within_each_trial_and_setting(smallest):
 def test_settings_are_averaged_at_equal_expressiveness():
     both = Setting(2, 2), Setting(2, 3)
     results = Results.of(campaign(both))
-    value = results.normalised_at(both, (0.25, 0.5, 3.0))
+    value = results.normalised(both, (0.25, 0.5, 3.0))
     assert value.shape == (2, TRIALS, 3)
-    np.testing.assert_array_equal(value[0], results.normalised(both[0])[:, [1, 2, 12]])
-    np.testing.assert_array_equal(value[1], results.normalised(both[1])[:, [1, 3, 18]])
+    exactly = results.normalised(both[1:], (1 / 6, 3 / 6, 18 / 6))  # 0.25 * 6 is no integer
+    np.testing.assert_array_equal(value[1:], exactly)
+
+
+def test_rewards_are_normalised_over_what_was_run():
+    one = Setting(2, 2)
+    rewards = {0.0: [-30, -3, 1], 0.25: [-20, -2, 1], 1.0: [-10, -1, 4]}
+    run = {one.learned(e).name: record(one.learned(e), values) for e, values in rewards.items()}
+    run["or-silence"] = record(Condition(*one, "learned", 4, True), [0, 0, 0])
+    results = Results.of(run)
+    assert results.settings_with([0, 1]) == [one]
+    assert results.settings_with([0, 3]) == results.settings_with(CURVE) == []
+    (normalised,) = results.normalised([one], (0, 1))
+    steps, jump = np.sqrt(3 / 2), np.sqrt(1 / 2)
+    np.testing.assert_allclose(normalised, [[-steps, steps], [-steps, steps], [-jump, 2 * jump]])
+
+
+def test_two_alphabets_are_too_few_to_normalise():
+    assert Results.of(campaign((Setting(2, 2),), (0.0, 1.0))).settings_with([0, 1]) == []
+
+
+def test_results_know_their_condition_from_numbers_of_any_type():
+    condition = Condition(2, 2, "learned", 4, True)
+    found = record(condition, [-20, -21, -22])
+    found["results"].attrs |= {"robots": np.int64(2), "alphabet": 4.0, "silence": 1}
+    (read,) = Results.of({"a": found}).by_condition
+    assert read == condition
+    assert [type(part) for part in read] == [type(part) for part in condition]
 
 
 def test_the_best_learned_policy_is_that_of_the_best_alphabet_over_all_trials(smallest):
@@ -207,12 +241,52 @@ def test_slower_baselines_refute_that_they_are_faster(everything):
     assert "optimal" in claim.note
 
 
-def test_a_claim_about_all_settings_needs_all_of_them(smallest):
-    judged = claims(smallest)
-    assert {claim.verdict for claim in judged} == {"not run"}
-    missing = "(2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (4, 2), (4, 3), (4, 4)"
-    assert judged[0].note == f"not run: every |W| with (n_r, n_t) = {missing}"
-    assert "3 robots, 3 targets, no communication" in judged[6].note
+def test_a_quick_plan_shows_the_direction_of_what_it_can():
+    judged = claims(campaign((Setting(2, 2),), (0.0, 0.25, 1.0), episodes=6000))
+    shown = {claim.number: claim for claim in judged if claim.verdict == "undecided"}
+    assert set(shown) == {2, 4}
+    assert {claim.verdict for claim in judged} == {"undecided", "not run"}
+    assert shown[2].high < 0 < shown[4].low
+    short = "trained for 6 000 of the 20 000 episodes that the claim speaks of"
+    assert shown[2].note == f"{short}; 0 of 9 settings run whole, 1 in part"
+    assert shown[4].note.startswith(f"{short}; not run: 2 robots, 2 targets, learned, e = 0.5; ")
+
+
+def test_an_excerpt_decides_what_it_ran_in_full_and_shows_where_the_rest_points(excerpt):
+    first, *rest = claims(excerpt)
+    assert (first.verdict, first.note) == ("undecided", "1 of 9 settings run whole")
+    assert first.low > 0
+    without, many, opt, targets, spread, faster = rest
+    assert (without.verdict, spread.verdict) == ("undecided", "undecided")
+    assert without.note == spread.note == "1 of 9 settings run whole, 1 in part"
+    assert without.high < 0
+    assert spread.effect is not None
+    assert (many.verdict, opt.verdict) == ("undecided", "undecided")
+    assert many.high < 0 < opt.low
+    assert many.note.startswith("not run: 3 robots, 4 targets, learned, e = 3; ")
+    assert many.note.endswith("; rests on: e = 3 - e = 1, 3 robots, 3 targets")
+    assert (targets.verdict, faster.verdict) == ("not run", "confirmed")
+
+
+def test_an_excerpt_can_refute_what_it_did_not_run_in_full(excerpt):
+    many = Setting(3, 3).learned(3)
+    records = excerpt | {many.name: record(many, [-10, -10.1, -10.2])}
+    assert claims(records)[2].verdict == "refuted"
+
+
+def test_an_average_over_all_settings_needs_the_whole_curve_of_each(everything):
+    gap = Setting(4, 4).learned(2)
+    records = {name: groups for name, groups in everything.items() if name != gap.name}
+    judged = claims(records)
+    assert [judged[index].verdict for index in (0, 1, 5)] == ["undecided"] * 3
+    assert judged[0].note == "8 of 9 settings run whole"
+    assert judged[1].note == judged[5].note == "8 of 9 settings run whole, 1 in part"
+    assert judged[3].note.startswith("not run: 4 robots, 4 targets, learned, e = 2; 4 robots, 4")
+
+
+def test_other_settings_than_the_nine_take_no_part_in_claims(everything):
+    other = campaign((Setting(5, 2),), peak=2.0)
+    assert claims(everything | other) == claims(everything)
 
 
 def test_without_records_there_is_nothing_to_show_and_nothing_to_judge():
@@ -226,30 +300,39 @@ def test_without_records_there_is_nothing_to_show_and_nothing_to_judge():
 def test_tables_have_a_row_for_what_was_run_beside_the_thesis(smallest):
     of = {table.name: table for table in tables(smallest)}
     assert set(of) == {"table-2-2", "table-2-3", "returns", "language"}
-    assert [row[:3] for row in of["table-2-2"].rows] == [
-        ("(2, 2)", "0.25", 1),
-        ("(2, 2)", "1", 4),
-        ("(2, 2)", "3", 12),
-        ("(3, 3)", "1", 9),
+    assert [row[:4] for row in of["table-2-2"].rows] == [
+        (2, 2, "0.25", 1),
+        (2, 2, "1", 4),
+        (2, 2, "3", 12),
+        (3, 3, "1", 9),
     ]
-    mean, deviation = of["table-2-2"].rows[-1][3:]
+    mean, deviation = of["table-2-2"].rows[-1][4:]
     assert (mean.value, mean.published) == (-31, -30.32)
     assert deviation == Measured(value=1.0, published=0.05)
-    episodes = {row[:2]: row[2] for row in of["table-2-3"].rows}
-    assert list(episodes)[:2] == [("(2, 2)", "NoComm"), ("(2, 2)", "Opt")]
-    late = episodes["(3, 3)", "e = 1"]
+    episodes = {row[:3]: row[3] for row in of["table-2-3"].rows}
+    assert list(episodes)[:2] == [(2, 2, "NoComm"), (2, 2, "Opt")]
+    late = episodes[3, 3, "e = 1"]
     assert (late.value, late.published) == (pytest.approx((9 + 10 + 9) / 3), 9)
 
 
 def test_the_returns_and_the_language_of_every_condition_are_told(smallest):
-    of = {table.name: {row[:2]: row[2:] for row in table.rows} for table in tables(smallest)}
+    of = {table.name: {row[:3]: row[3:] for row in table.rows} for table in tables(smallest)}
     assert len(of["returns"]) == 17 + 2 + 2
-    assert ("(2, 2)", "learned, e = 1 or silence") in of["returns"]
-    returns = [cell.value for cell in of["returns"]["(3, 3)", "learned, e = 1"]]
+    assert (2, 2, "learned, e = 1 or silence") in of["returns"]
+    returns = [cell.value for cell in of["returns"][3, 3, "learned, e = 1"]]
     assert returns == pytest.approx([-31, -30, -29, -40, -35])
-    language = [cell.value for cell in of["language"]["(3, 3)", "learned, e = 1"]]
+    language = [cell.value for cell in of["language"][3, 3, "learned, e = 1"]]
     assert language == pytest.approx([9, 4, 0.5, 1, 1, 6, 1, 1, 1])
-    assert of["language"]["(2, 2)", "optimal"][-1] is None  # no two talkers know of the same
+    assert of["language"][2, 2, "optimal"][-1] is None  # no two talkers know of the same
+
+
+def test_other_settings_than_the_nine_are_shown_without_published_numbers():
+    of = {table.name: table for table in tables(campaign((Setting(5, 1),)))}
+    *label, cell, _ = of["table-2-2"].rows[1]
+    assert label == [5, 1, "1", 5]
+    assert (cell.value, cell.published) == (pytest.approx(-42, abs=0.1), None)
+    assert [row[3].published for row in of["table-2-3"].rows] == [None] * 5
+    assert len(of["language"].rows) == 21 + 2
 
 
 # Figures
@@ -278,6 +361,26 @@ def test_a_part_of_a_curve_is_not_averaged():
     condition = Setting(2, 2).learned(1)
     drawn = figures({condition.name: record(condition, [-14, -15, -16])})
     assert {figure.name for figure in drawn} == {"figure-2-2", "figure-2-4", "words"}
+
+
+def test_boxes_spread_what_was_run_at_each_expressiveness(excerpt):
+    of = {figure.name: figure for figure in figures(excerpt)}
+    assert "were run, (n_r, n_t) = (2, 2); mean" in of["figure-2-1"].caption
+    listed = "(2, 2), (3, 3) at e = 0, 0.25, 1, 3; (2, 2) at e = 0.5, 2, 4."
+    assert listed in of["figure-2-3"].caption
+    rows = {row[0]: row[1:] for row in of["figure-2-3"].data.rows}
+    results = Results.of(excerpt)
+    both = results.normalised([Setting(2, 2), Setting(3, 3)], [3])
+    assert rows["3"][2] == pytest.approx(np.median(both))
+    assert rows["4"][4] == pytest.approx(results.normalised([Setting(2, 2)], [4]).max())
+
+
+def test_settings_other_than_the_nine_are_drawn():
+    of = {figure.name: figure for figure in figures(campaign((Setting(5, 1),)))}
+    assert set(of) == {f"figure-2-{number}" for number in range(1, 5)} | {"words"}
+    assert {row[:2] for row in of["figure-2-4"].data.rows} == {(5, 1)}
+    series = {row[2] for row in of["figure-2-2"].data.rows}
+    assert series == {"learned", "Opt", "NoComm"}  # nothing printed, no reference controllers
 
 
 def test_the_words_are_those_of_the_largest_game_nearest_to_one_word_each(smallest):

@@ -4,11 +4,11 @@ R_val is the undiscounted return of all agents with sampled actions, a mean over
 episodes of a trial.  A stated e means |W| = floor(e n_r n_t), without a choice to be silent.
 
 Claims 1, 2 and 6 speak of the normalised R_val: in every trial, and for each (n_r, n_t), scaled
-over all |W| from 0 to 4 n_r n_t to mean 0 and deviation 1.  The trials of one number, over all
-settings, are one repetition of the campaign and give one number.  In claim 1 that is a difference
-between two maxima, and the one outside is over more and so noisier values: what luck does to it
-speaks against the claim.  In claim 6 the outcome is what figure 2.3 spreads out in its boxes, the
-normalised R_val of the nine settings.
+over all |W| from 0 to 4 n_r n_t that were run, to mean 0 and deviation 1.  The trials of one
+number, over all settings, are one repetition of the campaign and give one number.  In claim 1 that
+is a difference between two maxima, and the one outside is over more and so noisier values: what
+luck does to it speaks against the claim.  In claim 6 the outcome is what figure 2.3 spreads out in
+its boxes, the normalised R_val of the nine settings.
 
 Claim 4 compares Opt with every |W|, not with a best one that luck helped to choose; "at least as
 good" admits 5% of R_val.  Its gaps are to the |W| that is best on average over trials, and grow
@@ -16,11 +16,12 @@ when their regression on n_r n_t has a slope above zero; the best is the luckier
 are to choose from, which again speaks against the claim.  Claim 5 takes e = 1 and 3, as Table 2.2
 does.  Where no margin is named it is zero.
 
-The claims are about policies that were trained for 20 000 episodes: after shorter training they
-are tested, and left undecided.
+The claims are about policies that were trained for 20 000 episodes, and claims 1, 2 and 6 about
+the whole campaign: after shorter training, or on some of the settings or of their |W|, they are
+tested to show where they point, and left undecided.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -29,11 +30,7 @@ from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim
 from ethogram.studies.language import results as measure
 from ethogram.studies.language.plan import CURVE, SELECTED, Condition
-from ethogram.studies.language.results import (
-    SETTINGS,
-    Results,
-    Setting,
-)
+from ethogram.studies.language.results import SETTINGS, Results, Setting
 from ethogram.studies.statistics import ClaimSpec, Part, Side, Terms, Trials, difference, judge
 
 EPISODES = 20_000  # of training, that the chapter speaks of
@@ -60,25 +57,30 @@ def claims(records: Records) -> list[Claim]:
 
 def _peaks_near_one(results: Results) -> ClaimSpec:
     near = np.abs(np.array(CURVE) - 1) <= NEAR_ONE
-    averaged = _normalised(results, CURVE)
-    lead = None
-    if averaged is not None:
-        curve = averaged.mean(0)
-        lead = curve[:, near].max(1) - curve[:, ~near].max(1)
+
+    def lead(normalised: np.ndarray) -> np.ndarray:
+        curve = normalised.mean(0)
+        return curve[:, near].max(1) - curve[:, ~near].max(1)
+
+    repetitions, reservation = _over_settings(results, CURVE, lead, "a setting with every |W|")
     return ClaimSpec(
         number=1,
         statement="Averaged over all (n_r, n_t), the normalised R_val peaks for e within 0.5 of 1.",
         source="section 2.5.2, figure 2.1",
         test="Per repetition of the campaign: the highest averaged value with e within 0.5 of 1 "
         "exceeds the highest one elsewhere.",
-        parts=(_part("peak", _repetitions(results, lead), "more than", NORMALISED),),
-        reservation=_reservation(results),
+        parts=(_part("peak", repetitions, "more than", NORMALISED),),
+        reservation=reservation,
     )
 
 
 def _worse_without_symbols(results: Results) -> ClaimSpec:
-    averaged = _normalised(results, (0.0, 1.0))
-    change = None if averaged is None else averaged[..., 0].mean(0) - averaged[..., 1].mean(0)
+    def change(normalised: np.ndarray) -> np.ndarray:
+        without, at_one = normalised.mean(0).T
+        return without - at_one
+
+    needed = "a setting with e = 0, 1 and another |W|"
+    repetitions, reservation = _over_settings(results, (0.0, 1.0), change, needed)
     return ClaimSpec(
         number=2,
         statement="Averaged over all (n_r, n_t), the normalised R_val is worse at e = 0 than at "
@@ -86,8 +88,8 @@ def _worse_without_symbols(results: Results) -> ClaimSpec:
         source="section 2.5.2, figure 2.1",
         test="Per repetition of the campaign: the averaged value at e = 0 less that at e = 1 is "
         "below zero.",
-        parts=(_part("e = 0 - e = 1", _repetitions(results, change), "less than", NORMALISED),),
-        reservation=_reservation(results),
+        parts=(_part("e = 0 - e = 1", repetitions, "less than", NORMALISED),),
+        reservation=reservation,
     )
 
 
@@ -104,7 +106,7 @@ def _worse_with_too_many(results: Results) -> ClaimSpec:
             for one in SETTINGS
             if one.associations >= LARGE
         ),
-        reservation=_reservation(results),
+        reservation=_short_training(results),
     )
 
 
@@ -140,7 +142,7 @@ def _optimal_best(results: Results) -> ClaimSpec:
         test="R_val of Opt is not lower by more than 5% than with any |W| of its setting; the "
         "slope of the gap to the best |W| over n_r n_t is above zero.",
         parts=(*parts, growth),
-        reservation=_reservation(results),
+        reservation=_short_training(results),
     )
 
 
@@ -164,22 +166,25 @@ def _harder_with_targets(results: Results) -> ClaimSpec:
         source="section 2.5.2, table 2.2",
         test="At e = 1 and at e = 3, for every n_r: R_val with one target more is lower.",
         parts=tuple(parts),
-        reservation=_reservation(results),
+        reservation=_short_training(results),
     )
 
 
 def _spread_grows(results: Results) -> ClaimSpec:
-    outcomes = _normalised(results, (1.0, 3.0))
-    spread = None if outcomes is None else outcomes.std(0, ddof=1)
-    growth = None if spread is None else spread[:, 1] - spread[:, 0]
+    def growth(normalised: np.ndarray) -> np.ndarray:
+        at_one, at_three = normalised.std(0, ddof=1).T
+        return at_three - at_one
+
+    needed = "two settings with e = 1, 3 and another |W|"
+    repetitions, reservation = _over_settings(results, (1.0, 3.0), growth, needed, least=2)
     return ClaimSpec(
         number=6,
         statement="The spread of the outcome is larger at e = 3 than at e = 1.",
         source="section 2.5.2, figure 2.3",
         test="Per repetition of the campaign: the standard deviation of the normalised R_val over "
         "the nine settings is larger at e = 3 than at e = 1.",
-        parts=(_part("e = 3 - e = 1", _repetitions(results, growth), "more than", NORMALISED),),
-        reservation=_reservation(results),
+        parts=(_part("e = 3 - e = 1", repetitions, "more than", NORMALISED),),
+        reservation=reservation,
     )
 
 
@@ -206,22 +211,32 @@ def _baselines_faster(results: Results) -> ClaimSpec:
         test="Episodes until the learning reward is within 5% of its final value: fewer for each "
         "baseline than for each learned policy, with e = 0.25, 1 and 3.",
         parts=tuple(parts),
-        reservation=_reservation(results),
+        reservation=_short_training(results),
     )
 
 
-def _normalised(results: Results, expressiveness: Sequence[float]) -> np.ndarray | None:
-    """Normalised R_val in all settings, Float[setting, trial, e]; None where a part is missing."""
-    if results.incomplete(SETTINGS):
-        return None
-    return results.normalised_at(SETTINGS, expressiveness)
+def _over_settings(
+    results: Results,
+    expressiveness: Sequence[float],
+    outcome: Callable[[np.ndarray], np.ndarray],
+    needed: str,
+    least: int = 1,
+) -> tuple[Terms, str]:
+    """One number per repetition of the campaign, and a reservation where not all of it was run.
 
+    Args:
+        results: of all conditions.
+        expressiveness: which e it takes of a setting.
+        outcome: of the normalised R_val of the settings that have them: [setting, trial, e] to
+            [trial].
+        needed: what it takes at least, in words.
+        least: how many settings that is.
 
-def _repetitions(results: Results, values: np.ndarray | None) -> Terms:
-    """One number per repetition of the campaign, or what is missing of it."""
-    missing = ", ".join(f"({one.robots}, {one.targets})" for one in results.incomplete(SETTINGS))
-    of_these = f" with (n_r, n_t) = {missing}" if missing else ""
-    return ((1.0, Trials(f"every |W|{of_these}", values)),)
+    """
+    run = [one for one in results.settings_with(expressiveness) if one in SETTINGS]
+    values = outcome(results.normalised(run, expressiveness)) if len(run) >= least else None
+    reasons = _short_training(results), _few_settings(results, run)
+    return ((1.0, Trials(needed, values)),), "; ".join(filter(None, reasons))
 
 
 def _part(label: str, terms: Terms, side: Side, unit: str) -> Part:
@@ -236,10 +251,19 @@ def _return_part(
     return _part(label, difference(a, b, scale), side, RETURN)
 
 
-def _reservation(results: Results) -> str:
+def _short_training(results: Results) -> str:
     """Why shorter training than the chapter's decides nothing."""
     episodes = results.training_episodes
     if episodes >= EPISODES:
         return ""
     trained, needed = (f"{count:,}".replace(",", " ") for count in (episodes, EPISODES))
     return f"trained for {trained} of the {needed} episodes that the claim speaks of"
+
+
+def _few_settings(results: Results, settings: Sequence[Setting]) -> str:
+    """Why an average over these settings, not all of them whole, decides nothing."""
+    whole = len(set(settings).intersection(results.settings_with(CURVE)))
+    if whole == len(SETTINGS):
+        return ""
+    in_part = f", {len(settings) - whole} in part" if whole < len(settings) else ""
+    return f"{whole} of {len(SETTINGS)} settings run whole{in_part}"

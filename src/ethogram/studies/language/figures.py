@@ -1,7 +1,7 @@
 """Figures 2.1 to 2.4, and the words of a learned language."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,12 +10,7 @@ from ethogram.campaign.study import Records
 from ethogram.core.findings import Figure
 from ethogram.studies.language.plan import CURVE, SELECTED, Condition
 from ethogram.studies.language.published import REFERENCE_REWARD, VALIDATION_REWARD
-from ethogram.studies.language.results import (
-    SETTINGS,
-    Results,
-    Setting,
-    validation_return,
-)
+from ethogram.studies.language.results import SETTINGS, Results, Setting, validation_return
 from ethogram.studies.plotting import (
     BOX_COLUMNS,
     INK,
@@ -35,6 +30,7 @@ from ethogram.studies.statistics import bootstrap_interval
 
 LEARNED, SILENCE, OPTIMAL, NO_COMMUNICATION, *REFERENCES = SERIES
 POLICIES = (NO_COMMUNICATION, OPTIMAL, LEARNED, *REFERENCES)  # as `Setting.selected` has them
+THIN = 1.0  # points, of a line that is there to compare with
 MARKED = 20  # a line of no more points than these has a marker at each
 BOXES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0)  # e of figure 2.3
 LEARNING = (Setting(2, 2), Setting(3, 3), Setting(4, 4))  # of figure 2.4
@@ -48,29 +44,31 @@ SEEN = 0.005  # the least probability of a word that is drawn
 def figures(records: Records) -> list[Figure]:
     """Every figure that the records have data for."""
     results = Results.of(records)
-    whole = [one for one in results.settings if not results.incomplete([one])]
     drawn = [
-        _averaged(results, whole) if whole else None,
+        _averaged(results),
         _validation(results),
-        _boxes(results, whole) if whole else None,
+        _boxes(results),
         _learning(results),
         _words(results),
     ]
     return [figure for figure in drawn if figure is not None]
 
 
-def _averaged(results: Results, whole: Sequence[Setting]) -> Figure:
-    """Figure 2.1."""
+def _averaged(results: Results) -> Figure | None:
+    """Figure 2.1, of the settings that were run whole."""
+    whole = results.settings_with(CURVE)
+    if not whole:
+        return None
     drawing, panels = new_figure(1, 1)
     panel = panels[0, 0]
-    averaged = results.normalised_at(whole, CURVE).mean(0)
+    averaged = results.normalised(whole, CURVE).mean(0)
     rows = draw_mean(panel, CURVE, averaged, LEARNED, "learned")
     panel.set(xlabel="expressiveness e", ylabel="normalised R_val")
     return Figure(
         name="figure-2-1",
         title="Figure 2.1: Normalised validation reward against expressiveness",
         caption="R_val scaled, in each trial and setting, to mean 0 and deviation 1 over all |W|; "
-        "averaged over the settings with a whole curve, (n_r, n_t) = "
+        "averaged over the settings of which all were run, (n_r, n_t) = "
         f"{_listed(whole)}; mean over trials with 95% bootstrap band.",
         alt="Normalised validation reward against expressiveness from 0 to 4, one line; highest "
         f"at e = {CURVE[averaged.mean(0).argmax()]:g}.",
@@ -116,8 +114,10 @@ def _curve(panel: Axes, results: Results, setting: Setting, silence: bool) -> li
     e = [condition.expressiveness for condition in line]
     samples = [validation_return(results.by_condition[condition]) for condition in line]
     look, name = (SILENCE, "learned or silence") if silence else (LEARNED, "learned")
-    few = len(line) <= MARKED
-    drawn = draw_mean(panel, e, np.stack(samples, 1), look, name, markers=few)
+    markers = len(line) <= (1 if silence else MARKED)
+    drawn = draw_mean(panel, e, np.stack(samples, 1), look, name, markers=markers)
+    if silence:
+        panel.lines[-1].set_linewidth(THIN)
     return [(name, *row) for row in drawn]
 
 
@@ -138,34 +138,38 @@ def _references(panel: Axes, setting: Setting) -> list[Row]:
     for (name, per_robot), look in zip(REFERENCE_REWARD.items(), REFERENCES, strict=True):
         if setting.targets in per_robot:
             level = setting.robots * per_robot[setting.targets]
-            panel.axhline(level, color=look.colour, linestyle=look.dash, lw=1, label=name)
+            panel.axhline(level, color=look.colour, linestyle=look.dash, lw=THIN, label=name)
             rows.append((name, None, level, None, None))
     return rows
 
 
 def _printed(panel: Axes, setting: Setting) -> list[Row]:
     """What Table 2.2 says of the setting, as crosses."""
-    reward = [(e, VALIDATION_REWARD[*setting, e][0]) for e in SELECTED if setting in SETTINGS]
+    keys = [(*setting, e) for e in SELECTED]
+    reward = [(key[2], VALIDATION_REWARD[key][0]) for key in keys if key in VALIDATION_REWARD]
     if reward:
         panel.plot(*zip(*reward, strict=True), color=INK, marker="x", linestyle="", label="thesis")
     return [("thesis", e, level, None, None) for e, level in reward]
 
 
-def _boxes(results: Results, whole: Sequence[Setting]) -> Figure:
-    """Figure 2.3."""
+def _boxes(results: Results) -> Figure | None:
+    """Figure 2.3, of the settings that were run at each e."""
+    settings = {e: run for e in BOXES if (run := results.settings_with([e]))}
+    if not settings:
+        return None
     drawing, panels = new_figure(1, 1)
     panel = panels[0, 0]
-    values = results.normalised_at(whole, BOXES)
-    samples = {f"{e:g}": values[..., index].reshape(-1) for index, e in enumerate(BOXES)}
-    rows = draw_boxes(panel, samples, [LEARNED] * len(BOXES))
+    samples = {f"{e:g}": results.normalised(run, [e]).reshape(-1) for e, run in settings.items()}
+    rows = draw_boxes(panel, samples, [LEARNED] * len(samples))
     panel.set(xlabel="expressiveness e", ylabel="normalised R_val")
     return Figure(
         name="figure-2-3",
         title="Figure 2.3: Spread of the normalised validation reward",
-        caption="Every trial of every setting with a whole curve, (n_r, n_t) = "
-        f"{_listed(whole)}, scaled as in figure 2.1; boxes are quartiles, whiskers reach 1.5 "
-        "times their distance.",
-        alt="Box plots of normalised validation reward at seven values of expressiveness.",
+        caption="Every trial of every setting, scaled in each of them to mean 0 and deviation 1 "
+        f"over all |W| that were run; (n_r, n_t) = {_listed_by_e(settings)}. Boxes are "
+        "quartiles, whiskers reach 1.5 times their distance.",
+        alt="Box plots of normalised validation reward at values of expressiveness: "
+        f"{', '.join(samples)}.",
         svg=svg(drawing),
         data=data_table("figure-2-3", ("e", *BOX_COLUMNS), rows),
     )
@@ -184,7 +188,11 @@ def _learning(results: Results) -> Figure | None:
         return rows
 
     run = results.by_condition.keys()
-    shown = [one for one in LEARNING if not run.isdisjoint(one.selected().values())]
+    shown = [
+        one
+        for one in results.settings
+        if (one in LEARNING or one not in SETTINGS) and not run.isdisjoint(one.selected().values())
+    ]
     return _panels(
         shown,
         name="figure-2-4",
@@ -287,6 +295,14 @@ def _panels(
         svg=svg(drawing),
         data=data_table(name, SETTING_COLUMNS + columns, rows),
     )
+
+
+def _listed_by_e(settings: Mapping[float, Sequence[Setting]]) -> str:
+    """Which settings were run at which e, those at which the same ones were run together."""
+    together: dict[str, list[str]] = {}
+    for e, run in settings.items():
+        together.setdefault(_listed(run), []).append(f"{e:g}")
+    return "; ".join(f"{run} at e = {', '.join(at)}" for run, at in together.items())
 
 
 def _listed(settings: Sequence[Setting]) -> str:

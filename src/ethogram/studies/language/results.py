@@ -1,13 +1,14 @@
 """The measures of the chapter, one number per trial, taken from stored records."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 
 from ethogram.campaign.study import Records
-from ethogram.studies.language.plan import CURVE, SELECTED, Condition
+from ethogram.studies.language.plan import CURVE, SELECTED, Condition, alphabet_of
 from ethogram.studies.statistics import Trials
 
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [trial]
@@ -35,7 +36,7 @@ class Setting(NamedTuple):
 
     def learned(self, expressiveness: float) -> Condition:
         """Learned talkers with |W| = floor(e n_r n_t)."""
-        return Condition(*self, "learned", int(expressiveness * self.associations))
+        return Condition(*self, "learned", alphabet_of(expressiveness, self.associations))
 
     @property
     def optimal(self) -> Condition:
@@ -68,10 +69,8 @@ class Results(NamedTuple):
     @classmethod
     def of(cls, records: Records) -> "Results":
         """Results by the condition that they say they are of, smallest first."""
-        found = {
-            Condition(*(data.attrs[field] for field in Condition._fields)): data
-            for data in (groups["results"] for groups in records.values())
-        }
+        every = (groups["results"] for groups in records.values())
+        found = {_condition(data.attrs): data for data in every}
         return cls({condition: found[condition] for condition in sorted(found, key=_place)})
 
     @property
@@ -89,34 +88,44 @@ class Results(NamedTuple):
         data = self.by_condition.get(condition)
         return Trials(condition.words, None if data is None else measure(data).astype(float))
 
-    def incomplete(self, settings: Sequence[Setting]) -> list[Setting]:
-        """Those settings of whose curve a part was not run."""
-        return [one for one in settings if not self.by_condition.keys() >= set(one.curve())]
+    def settings_with(self, expressiveness: Sequence[float]) -> list[Setting]:
+        """The settings of which learned talkers with each of these e were run.
 
-    def normalised(self, setting: Setting) -> np.ndarray:
-        """R_val against |W|, of mean 0 and deviation 1 in every trial: Float[trial, alphabet].
-
-        The whole curve of the setting must have been run.
+        With `CURVE` those that were run whole.  A setting with fewer than three |W| is never one:
+        normalised, two values are -1 and 1, whatever they were.
         """
-        curve = np.stack(
-            [validation_return(self.by_condition[condition]) for condition in setting.curve()], 1
-        )
-        return (curve - curve.mean(1, keepdims=True)) / curve.std(1, keepdims=True)
+        return [
+            one
+            for one in self.settings
+            if self.by_condition.keys() >= {one.learned(e) for e in expressiveness}
+            and len(self.run_of(one)) > 2
+        ]
 
-    def normalised_at(
+    def run_of(self, setting: Setting) -> list[Condition]:
+        """The part of the setting's curve that was run."""
+        return [condition for condition in setting.curve() if condition in self.by_condition]
+
+    def normalised(
         self, settings: Sequence[Setting], expressiveness: Sequence[float]
-    ) -> np.ndarray:
-        """Normalised R_val where |W| = floor(e n_r n_t): Float[setting, trial, e]."""
-        return np.stack(
-            [
-                self.normalised(one)[:, [one.learned(e).alphabet for e in expressiveness]]
-                for one in settings
-            ]
-        )
+    ) -> Float[np.ndarray, "setting trial e"]:
+        """R_val scaled, in each trial of a setting, to mean 0 and deviation 1 over |W|.
+
+        Over all |W| that were run, which in the thesis is the whole curve; returned for those of
+        some e, which must be among them.
+        """
+        return np.stack([self._normalised(one, expressiveness) for one in settings])
+
+    def _normalised(
+        self, setting: Setting, expressiveness: Sequence[float]
+    ) -> Float[np.ndarray, "trial e"]:
+        run = self.run_of(setting)
+        curve = np.stack([validation_return(self.by_condition[at]) for at in run], 1)
+        chosen = curve[:, [run.index(setting.learned(e)) for e in expressiveness]]
+        return (chosen - curve.mean(1, keepdims=True)) / curve.std(1, keepdims=True)
 
     def best_learned(self, setting: Setting) -> Trials:
         """R_val of the alphabet that is best on average over trials."""
-        if self.incomplete([setting]):
+        if setting not in self.settings_with(CURVE):
             return Trials(f"{setting.words}, every |W|", None)
         curve = setting.curve()
         mean = [validation_return(self.by_condition[condition]).mean() for condition in curve]
@@ -172,6 +181,12 @@ def influence(data: xr.Dataset) -> np.ndarray:
     """Causal influence of a talker's words on how another robot moves, averaged over pairs."""
     values = data["influence"].values
     return values[:, ~np.eye(values.shape[1], dtype=bool)].mean(1)
+
+
+def _condition(attrs: Mapping[str, Any]) -> Condition:
+    """What results say that they are of, in plain numbers however they were written down."""
+    robots, targets, talkers, alphabet, silence = (attrs[name] for name in Condition._fields)
+    return Condition(int(robots), int(targets), talkers, int(alphabet), bool(silence))
 
 
 def _place(condition: Condition) -> tuple[int, int, bool, bool, int]:

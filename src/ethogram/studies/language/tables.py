@@ -10,10 +10,10 @@ from ethogram.studies.language import metrics
 from ethogram.studies.language import results as measure
 from ethogram.studies.language.plan import SELECTED
 from ethogram.studies.language.published import THOUSAND_EPISODES, VALIDATION_REWARD
-from ethogram.studies.language.results import SETTINGS, Measure, Results
+from ethogram.studies.language.results import Measure, Results
 from ethogram.studies.statistics import Trials, measured
 
-SETTING = "(n_r, n_t)"  # a column
+SETTING = ("n_r", "n_t")  # columns
 
 RETURNS: dict[str, Measure] = {
     "R_val": measure.validation_return,
@@ -44,41 +44,42 @@ def tables(records: Records) -> list[Table]:
 
 def _table_2_2(results: Results) -> Table:
     rows: list[tuple[Cell, ...]] = []
-    for setting in SETTINGS:
+    for setting in results.settings:
         for e in SELECTED:
             condition = setting.learned(e)
             trials = results.trials(measure.validation_return, condition)
-            mean, deviation = VALIDATION_REWARD[*setting, e]
+            mean, deviation = VALIDATION_REWARD.get((*setting, e), (None, None))
             value = measured(trials, published=mean)
             if value is not None:
                 spread = _deviation(trials, deviation)
-                rows.append((_name(setting), f"{e:g}", condition.alphabet, value, spread))
+                rows.append((*setting, f"{e:g}", condition.alphabet, value, spread))
     return Table(
         name="table-2-2",
         title="Table 2.2: Validation reward for selected values of expressiveness",
         caption="|W| is the integer part of e n_r n_t. Mean of R_val over trials with a 95% "
         "bootstrap interval, and its standard deviation over trials; the thesis does not say over "
         "what its own was taken.",
-        columns=(SETTING, "e", "|W|", "R_val, mean", "R_val, deviation"),
+        columns=(*SETTING, "e", "|W|", "R_val, mean", "R_val, deviation"),
         rows=tuple(rows),
     )
 
 
 def _table_2_3(results: Results) -> Table:
     rows: list[tuple[Cell, ...]] = []
-    for setting in SETTINGS:
-        policies, printed = setting.selected(), THOUSAND_EPISODES[setting]
+    for setting in results.settings:
+        policies = setting.selected()
+        printed = THOUSAND_EPISODES.get(setting, [None] * len(policies))
         for (policy, condition), number in zip(policies.items(), printed, strict=True):
             trials = results.trials(measure.thousand_episodes, condition)
             value = measured(trials, published=number)
             if value is not None:
-                rows.append((_name(setting), policy, value))
+                rows.append((*setting, policy, value))
     return Table(
         name="table-2-3",
         title="Table 2.3: Thousands of episodes to 95% of the final learning reward",
         caption="Until the learning reward is first within 5% of its final value, the mean over "
         "the last tenth of training; mean over trials with a 95% bootstrap interval.",
-        columns=(SETTING, "policy", "episodes (thousands)"),
+        columns=(*SETTING, "policy", "episodes (thousands)"),
         rows=tuple(rows),
     )
 
@@ -91,7 +92,7 @@ def _returns(results: Results) -> Table:
         "R_val: actions are sampled. Noise-free: without the noise of sampling. Discounted: "
         "eq. 2.1, with the initial state's reward. Silenced: nobody hears anything. Scrambled: "
         "what is said is exchanged between episodes.",
-        columns=(SETTING, "policy", *RETURNS),
+        columns=(*SETTING, "policy", *RETURNS),
         rows=_rows(results, RETURNS),
     )
 
@@ -107,7 +108,7 @@ def _language(results: Results) -> Table:
         "the entropy of words. Synonymy: words per association. Homonymy: associations per word. "
         "Agreement: how often two talkers use the same word for an association that both can "
         "know, which takes three robots.",
-        columns=(SETTING, "policy", *LANGUAGE),
+        columns=(*SETTING, "policy", *LANGUAGE),
         rows=_rows(results, LANGUAGE),
     )
 
@@ -116,7 +117,8 @@ def _rows(results: Results, measures: Mapping[str, Measure]) -> tuple[tuple[Cell
     """A row for every condition that was run."""
     return tuple(
         (
-            _name(condition[:2]),
+            condition.robots,
+            condition.targets,
             condition.policy,
             *(_mean(results.trials(each, condition)) for each in measures.values()),
         )
@@ -131,12 +133,8 @@ def _mean(trials: Trials) -> Measured | None:
     return measured(trials)
 
 
-def _deviation(trials: Trials, published: float) -> Measured | None:
+def _deviation(trials: Trials, published: float | None) -> Measured | None:
     """The sample standard deviation over trials; None where it takes more of them."""
     if trials.values is None or trials.values.size < 2:
         return None
     return Measured(value=float(trials.values.std(ddof=1)), published=published)
-
-
-def _name(setting: tuple[int, int]) -> str:
-    return "({}, {})".format(*setting)
