@@ -126,8 +126,7 @@ def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided ta
     """
     world = learner.world
     assert isinstance(world, Language)
-    key = jax.random.key(0)
-    state, _ = world.reset(key)
+    state, _ = world.reset(jax.random.key(0))
 
     def speak(guided: Int[Array, ""], target: Int[Array, ""]) -> Float[Array, "talker word"]:
         known = eqx.tree_at(
@@ -135,10 +134,7 @@ def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided ta
             state,
             (jnp.full_like(state.guides, guided), jnp.full_like(state.goal, target)),
         )
-        observation = world.observe(known)
-        if "talker" in learner.scripted:
-            return learner.scripted["talker"](key, observation["talker"])
-        return jax.nn.softmax(learner.logits(learned, observation)["talker"])
+        return _chances("talker", learner, learned, known)
 
     robots = jnp.arange(world.robots)
     over_targets = jax.vmap(speak, (None, 0))
@@ -165,7 +161,7 @@ def influence(learner: MADDPG, learned: Learned, states: State) -> Float[Array, 
         state: State, talker: Int[Array, ""], word: Float[Array, "word"]
     ) -> Float[Array, "listener move"]:
         heard = eqx.tree_at(lambda at: at.said, state, state.said.at[talker].set(word))
-        return jax.nn.softmax(learner.logits(learned, world.observe(heard))["mover"])
+        return _chances("mover", learner, learned, heard)
 
     def influence_of(talker: Int[Array, ""]) -> Float[Array, "listener"]:
         over_words = jax.vmap(listen, (None, None, 0))
@@ -174,3 +170,13 @@ def influence(learner: MADDPG, learned: Learned, states: State) -> Float[Array, 
         return jax.vmap(causal_influence, (2, None))(moves, prior)
 
     return lax.map(influence_of, jnp.arange(world.robots))
+
+
+def _chances(
+    role: str, learner: MADDPG, learned: Learned, state: State
+) -> Float[Array, "agent choice"]:
+    """How likely each choice of each agent is: what is drawn from, or what a script says."""
+    observation = learner.world.observe(state)
+    if role in learner.scripted:
+        return learner.scripted[role](jax.random.key(0), observation[role])
+    return jax.nn.softmax(learner.logits(learned, observation)[role])
