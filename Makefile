@@ -42,7 +42,8 @@ format: $(READY)  ## format the code and mend what lint can mend
 docs: $(DOCS_READY)  ## build the site: docs/_build/html/index.html
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs docs/_build/html
 
-bench: $(READY)  ## measure speed and memory
+bench: $(READY)  ## measure speed and memory, beside the peers where there are any
+	$(INSTALL) --editable '.[dev,bench]'
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 
 constraints:  ## choose the newest allowed version of every dependency (needs uv)

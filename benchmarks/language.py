@@ -19,6 +19,10 @@ optimises nothing away.  mpe2 steps one copy at a time, so that one stands for a
 same time, which is how a campaign uses the machine, and the figures are sums over them.  Seconds
 are those of the processor: the clock's, since no process ever waits, unless other programs run.
 The sides take turns, `ROUNDS` times; a figure is the median, followed by the range.
+
+Then how fast MADDPG trains, with the thesis' parameters: environment steps per second, with the
+round of updates after every 100 of them; and how long the thesis plan would take, by the number of
+multiplications of its cases and the speed at which these two sizes do theirs.
 """
 
 import argparse
@@ -30,12 +34,16 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from threading import Barrier
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ethogram.learners.maddpg import MADDPG
 
 COPIES = (1, 256, 4096)
 ROBOTS, TARGETS, SYMBOLS, STEPS = 2, 3, 10, 25  # what the peers' game has
@@ -150,12 +158,57 @@ def mpe2(copies: int) -> Run:
     return run
 
 
+def training(robots: int, copies: int) -> Run:
+    """One learner, in one world at a time.
+
+    Every reward goes through the metrics to the caller, so that nothing can be optimised away.
+    """
+    del copies
+    import jax
+    import numpy as np
+
+    from ethogram.learners.maddpg import Playing
+    from ethogram.learners.train import train
+
+    learner = learner_at(robots)
+    key = jax.random.key(0)
+    learned = learner.init(key)
+    done = 0
+
+    def keep(played, after, metrics) -> None:
+        nonlocal learned, done
+        learned, done = after, played
+        if not np.abs(metrics["reward"]["mover"]).min() > 0:
+            raise RuntimeError("nothing was earned: the benchmark does not measure training")
+
+    train(Playing(learner), key, learned, CHUNK, chunk=CHUNK, after_chunk=keep)
+
+    def run() -> int:
+        train(learner, key, learned, done + CHUNK, chunk=CHUNK, after_chunk=keep, start=done)
+        return CHUNK * learner.episodes * learner.world.horizon
+
+    return run
+
+
+def learner_at(robots: int) -> "MADDPG":
+    """The learner of the thesis' smallest and largest game: e = 1 at 2x2, e = 4 at 4x4."""
+    from ethogram.learners.maddpg import MADDPG
+    from ethogram.worlds.language import Language
+
+    symbols = TRAINED[robots]
+    world = Language(robots=robots, targets=robots, alphabet=symbols, capacity=symbols)
+    return MADDPG(world, memory=500_000)
+
+
 SIDES: dict[str, Callable[[int], Run]] = {"ethogram": ethogram, "jaxmarl": jaxmarl, "mpe2": mpe2}
+TRAINED = {2: 4, 4: 64}  # symbols, by the number of robots and of targets
+CHUNK = 10  # rounds of updates per call
+MAKERS = SIDES | {f"{robots}x{robots}": partial(training, robots) for robots in TRAINED}
 
 
 def measure(sides: list[str], copies: int, together: Barrier) -> list[dict[str, float]]:
     """Per round: environment steps per second of each side in this process."""
-    runs = {side: SIDES[side](copies) for side in sides}
+    runs = {side: MAKERS[side](copies) for side in sides}
     for run in runs.values():
         run()  # compiles
     rounds = []
@@ -208,6 +261,32 @@ def world_speed(cores: int, sides: list[str]) -> list[dict[str, Any]]:
     return rows
 
 
+def training_speed(cores: int) -> dict[str, Any]:
+    """Print how fast MADDPG trains, and how long the thesis plan takes at that speed."""
+    from ethogram.studies import language
+    from ethogram.studies.language.compute import multiplications
+    from ethogram.studies.language.plan import Settings, learner_of, plays
+
+    planned = [case.parsed(Settings) for case in language.cases(language.PLANS["thesis"])]
+    sweep = sum(one.trials * plays(one) * multiplications(learner_of(one)) for one in planned)
+    print("\n| game | environment steps | a run of 20 000 episodes | the thesis plan |")
+    print("| --- | ---: | ---: | ---: |")
+    found = {}
+    for robots, symbols in TRAINED.items():
+        game = f"{robots}x{robots}"
+        rates = side_by_side(cores, [game], 1)[game]
+        rate, per_round = statistics.median(rates), 100.0
+        seconds = 20_000 * STEPS / rate
+        whole = sweep / (multiplications(learner_at(robots)) * rate / per_round)
+        print(
+            f"| {game}, {symbols} symbols | {rate:,.0f} /s | {seconds:,.1f} s | "
+            f"{whole / 3600:,.0f} h |",
+            flush=True,
+        )
+        found[game] = {"steps_per_second": rates, "run_seconds": seconds, "plan_seconds": whole}
+    return found
+
+
 def main() -> None:
     """Measure, print a table, and keep the figures where asked."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -221,15 +300,17 @@ def main() -> None:
     sides = [side for side in SIDES if find_spec(side)]
     for side in sorted(SIDES.keys() - sides):
         print(f"{side} is left out: it is not installed (pip install '.[bench]')", file=sys.stderr)
-    rows = world_speed(options.cores, sides)
+    figures = {
+        "worlds": world_speed(options.cores, sides),
+        "training": training_speed(options.cores),
+    }
     if options.json:
-        versions = {package: version(package) for package in ["jax", *sides]}
-        python = sys.version.split()[0]
-        options.json.write_text(
-            json.dumps(
-                {"cores": options.cores, "python": python, "versions": versions, "worlds": rows}
-            )
-        )
+        figures |= {
+            "cores": options.cores,
+            "python": sys.version.split()[0],
+            "versions": {package: version(package) for package in ["jax", *sides]},
+        }
+        options.json.write_text(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -204,7 +204,7 @@ def test_a_checkpoint_goes_on_to_the_same_record(ran):
 
 def test_a_learner_has_no_more_memory_than_its_episodes_fill():
     (case,) = cases("quick", "expressiveness=1", "talkers=learned")
-    assert learner_of(case.parsed(Settings)).memory == 6000 * 25
+    assert learner_of(case.parsed(Settings)).memory == 8000 * 25
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def cost(case: Case) -> Cost:
     settings = case.parsed(Settings)
     learner = learner_of(settings)
     rounds = settings.trials * plays(settings) * learner.rounds
-    seconds = rounds * _multiplications(learner) / MULTIPLICATIONS_PER_SECOND
+    seconds = rounds * multiplications(learner) / MULTIPLICATIONS_PER_SECOND
     networks = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(_agents(learner)))
     recorded = settings.trials * (_points(settings) + 5 * settings.validation_episodes)
     return Cost(
@@ -104,7 +104,7 @@ def _train(
     """Train a trial to its end: first it only plays, then it learns as well."""
     reward, planned = trial.reward, plays(settings)
     begins = min(learner.first_plays, planned)
-    most = int(CHUNK_MULTIPLICATIONS / _multiplications(learner) / learner.rounds)
+    most = int(CHUNK_MULTIPLICATIONS / multiplications(learner) / learner.rounds)
 
     def after_chunk(played: int, learned: Learned, metrics: Any) -> None:
         earned = sum(part.sum(-1) for part in metrics["reward"].values()).reshape(-1)
@@ -216,7 +216,7 @@ def _agents(learner: MADDPG) -> Any:
     return jax.eval_shape(learner.new_agents, jax.random.key(0))
 
 
-def _multiplications(learner: MADDPG) -> float:
+def multiplications(learner: MADDPG) -> float:
     """About how many a round of updates takes in networks, forward and back."""
     agents = [agent for role in _agents(learner).values() for agent in role]
     actors = [sum(weight.size for weight in agent.actor.weights) for agent in agents]

@@ -115,7 +115,7 @@ PLANS = {
     "quick": Plan(
         name="quick",
         description="Two robots and two targets, few words, fewer episodes than the thesis.",
-        settings=Settings(room=1.0, episodes=6_000, trials=3),
+        settings=Settings(room=1.0, episodes=8_000, trials=3),
         grid={**_TWO, "talkers": TALKERS, "expressiveness": (0.0, 0.25, 1.0)},
     ),
     "excerpt": Plan(
