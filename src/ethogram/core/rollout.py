@@ -71,12 +71,34 @@ def rollout(
         action = policy(for_policy, at.observation)
         state, outcome = world.step(for_world, at.state, action)
         last = episode_ended(outcome)
-        fresh = Position(*world.reset(for_reset))
         reached = Position(state, outcome.observation)
-        after = jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
+
+        def renewed() -> Position:
+            fresh = Position(*world.reset(for_reset))
+            return jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
+
+        after = lax.cond(_in_any_copy(last), renewed, lambda: reached)
         return after, Transition(for_world, at.state, at.observation, action, outcome, state, last)
 
     return lax.scan(advance, start, jax.random.split(key, steps))
+
+
+@jax.custom_batching.custom_vmap
+def _in_any_copy(flag: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Whether a flag is up in any copy of a batch: one answer for all, however deep the `vmap`.
+
+    So a batch resets only in steps in which an episode ends, where a flag for each copy would have
+    every copy reset in every step.
+    """
+    return flag
+
+
+@_in_any_copy.def_vmap
+def _batched(
+    size: int, batched: list[bool], flag: Bool[Array, "copy"]
+) -> tuple[Bool[Array, ""], bool]:
+    del size, batched
+    return _in_any_copy(flag.any()), False
 
 
 def episode_ended(outcome: Outcome) -> Bool[Array, ""]:
