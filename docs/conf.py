@@ -8,7 +8,7 @@ copyright = f"{author}, Apache-2.0"
 release = ethogram.__version__
 
 extensions = ["myst_nb", "sphinx.ext.mathjax"]
-exclude_patterns = ["_build", "_vendor", "results/records"]
+exclude_patterns = ["_build", "_vendor", "results/records", "results/tuned/records"]
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3

@@ -203,7 +203,10 @@ def test_a_case_that_failed_is_tried_again_from_its_checkpoint(expected, tmp_pat
                 raise ValueError("broke in its second chunk")
 
     monkeypatch.setattr("ethogram.campaign.run.Context", FailingContext)
-    assert run_toy(tmp_path).failures == (("a", "ValueError: broke in its second chunk"),)
+    ((name, error),) = run_toy(tmp_path).failures
+    checkpoint = next(tmp_path.glob("toy/checkpoints/*"))
+    assert name == "a"
+    assert error == f"ValueError: broke in its second chunk (last checkpoint: {checkpoint})"
     first_run = len(seen)
     assert run_toy(tmp_path, retry_failed=True).failures == ()
     assert seen[first_run] == 2  # not the first chunk again

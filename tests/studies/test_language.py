@@ -14,6 +14,7 @@ from ethogram.campaign.context import Context
 from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
 from ethogram.learners.maddpg import MADDPG
+from ethogram.learners.train import Diverged
 from ethogram.studies import language as study
 from ethogram.studies.language import compute
 from ethogram.studies.language.metrics import association_information
@@ -200,6 +201,13 @@ def test_a_checkpoint_goes_on_to_the_same_record(ran):
     for found in (saved[0], saved[5], saved[11], saved[17]):
         again = study.run(case, Remembering(found))
         xr.testing.assert_identical(record["results"], again["results"])
+
+
+def test_a_loss_that_is_not_finite_stops_the_run_and_names_trial_agent_and_update():
+    (case,) = cases("smoke", *ONE, "learner.rate=1e30")
+    told = r"Trial 0: (critic|actor)_loss\.(mover|talker)\[\d\] is not finite at update \d+"
+    with pytest.raises(Diverged, match=told):
+        study.run(case, Context())
 
 
 def test_a_learner_has_no_more_memory_than_its_episodes_fill():

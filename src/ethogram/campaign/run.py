@@ -98,4 +98,4 @@ def _in_one_line(error: Exception, checkpoint: Path | None) -> str:
     message = (str(error).strip() or "no message").splitlines()[0]
     if not isinstance(error, EthogramError):
         message = f"{type(error).__name__}: {message}"
-    return message if checkpoint is None else f"{message} Last checkpoint: {checkpoint}"
+    return message if checkpoint is None else f"{message} (last checkpoint: {checkpoint})"
