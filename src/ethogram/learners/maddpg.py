@@ -42,15 +42,15 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
 from ethogram.core.memory import require_memory
 from ethogram.core.rollout import rollout
 from ethogram.core.settings import Number, check_settings, setting
-from ethogram.core.spaces import Discrete, Simplex
+from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import PerRole, World
 from ethogram.learners.exploration import Linear, gumbel_softmax
 from ethogram.learners.joint import done, joint, joint_used, own_action, seen
-from ethogram.learners.networks import MLP, used_features
+from ethogram.learners.networks import MLP, features, used_features
 from ethogram.learners.replay import Layout, Replay
 from ethogram.learners.returns import one_step
 
@@ -136,11 +136,21 @@ class MADDPG(eqx.Module):
         """Refuse settings out of range, and a world that the learner cannot act in.
 
         Raises:
-            InvalidSettings: naming every value out of bounds.
+            InvalidSettings: naming every value out of bounds; or one play would not fit in memory.
+            UnknownName: a role that is scripted is none of the world's.
             EthogramError: a role that learns has actions that are no choices.
 
         """
         check_settings(self)
+        played = self.episodes * self.world.horizon
+        if self.memory < played:
+            raise InvalidSettings(
+                f"MADDPG: memory = {self.memory} has no room for the {played} transitions of "
+                f"episodes = {self.episodes} of {self.world.horizon} steps."
+            )
+        for name in self.scripted:
+            if name not in self.world.roles:
+                raise UnknownName("role", name, self.world.roles)
         for name in self.learning:
             space = self.world.roles[name].action
             if not isinstance(space, Discrete | Simplex):
@@ -261,7 +271,7 @@ class MADDPG(eqx.Module):
         def kept(key: Key[Array, ""]) -> tuple[Any, PerRole, Key[Array, ""]]:
             action = {}
             for name, role in self.world.roles.items():
-                kind = jnp.int32 if isinstance(role.action, Discrete) else jnp.float32
+                kind = jnp.float32 if isinstance(role.action, Simplex | Box) else jnp.int32
                 action[name] = jnp.zeros((role.agents, *role.action.shape), kind)
             return self.world.reset(key)[0], action, key
 
@@ -334,12 +344,12 @@ class MADDPG(eqx.Module):
         roles, temperature = self.world.roles, self._temperature(learned.rounds)
         reached = seen(roles, outcome.observation)
         target_action = {}
-        for number, name in enumerate(roles):
+        for number, (name, role) in enumerate(roles.items()):
             for_role = jax.random.fold_in(for_targets, number)
             if name in self.scripted:
                 keys = jax.random.split(for_role, self.batch)
-                script = jax.vmap(self.scripted[name])
-                target_action[name] = script(keys, outcome.observation[name])
+                told = jax.vmap(self.scripted[name])(keys, outcome.observation[name])
+                target_action[name] = features(role.action, told)
                 continue
             actors = [agent.target_actor for agent in agents[name]]
             logits = self._logits(name, actors, reached[name])

@@ -35,10 +35,11 @@ class Replay(eqx.Module):
     def add(self, rows: UInt32[Array, "new word"]) -> "Replay":
         """Keep some transitions; at most as many as there is room for."""
         capacity = len(self.rows)
-        at = (self.added + jnp.arange(len(rows))) % capacity
-        # the count goes around with the places, so that it never overflows
-        added = self.added + len(rows)
-        added = jnp.where(added >= 2 * capacity, added - capacity, added)
+        first, full = self.added % capacity, self.added >= capacity
+        at = (first + jnp.arange(len(rows))) % capacity
+        # once full, the count goes around with the places, so that it never overflows
+        added = first + len(rows)
+        added = jnp.where(full, capacity + added % capacity, added)
         return Replay(self.rows.at[at].set(rows, unique_indices=True), added)
 
     def draw(self, key: Key[Array, ""], count: int) -> UInt32[Array, "count word"]:
@@ -69,10 +70,14 @@ class Layout(Generic[T]):
         ]
 
     def pack(self, tree: T) -> UInt32[Array, "*batch word"]:
-        """Rows of trees; the axes in front of the layout's shapes become the rows'."""
+        """Rows of trees; the axes in front of the layout's shapes become the rows'.
+
+        Numbers of another type than the layout's are turned into it.
+        """
         leaves = jax.tree.leaves(tree)
         batch = leaves[0].shape[: leaves[0].ndim - len(self._shapes[0])]
-        return jnp.concatenate([_to_words(leaf).reshape(*batch, -1) for leaf in leaves], -1)
+        words = [_to_words(*each) for each in zip(leaves, self._types, strict=True)]
+        return jnp.concatenate([each.reshape(*batch, -1) for each in words], -1)
 
     def unpack(self, rows: UInt32[Array, "*batch word"]) -> T:
         """The trees that `pack` was given."""
@@ -92,12 +97,12 @@ def _is_bool(kind: Any) -> bool:
     return jnp.issubdtype(kind, jnp.bool_)
 
 
-def _to_words(leaf: Array) -> UInt32[Array, "..."]:
-    if _is_key(leaf.dtype):
+def _to_words(leaf: Array, kind: Any) -> UInt32[Array, "..."]:
+    if _is_key(kind):
         return jax.random.key_data(leaf)
-    if _is_bool(leaf.dtype):
+    if _is_bool(kind):
         return leaf.astype(jnp.uint32)
-    return lax.bitcast_convert_type(leaf, jnp.uint32)
+    return lax.bitcast_convert_type(leaf.astype(kind), jnp.uint32)
 
 
 def _from_words(words: UInt32[Array, "..."], shape: tuple[int, ...], kind: Any) -> Array:

@@ -85,16 +85,14 @@ _run_chunk = eqx.filter_jit(_updates, donate="all-except-first")
 
 
 def _require_finite(metrics: Metrics, first: int) -> None:
+    broken: list[tuple[int, str]] = []
     for path, values in jax.tree_util.tree_leaves_with_path(metrics):
-        broken = ~np.isfinite(values).reshape(len(values), -1).all(1)
-        if broken.any():
-            update = int(broken.argmax())
+        for update, *where in np.argwhere(~np.isfinite(values))[:1].tolist():
             name = jax.tree_util.keystr(path, simple=True, separator=".")
-            where = [int(at) for at in np.argwhere(~np.isfinite(values[update]))[0]]
-            raise Diverged(
-                f"{name}{where or ''} is not finite at update {first + update}; "
-                f"after {first} updates all was."
-            )
+            broken.append((first + update, f"{name}{where or ''}"))
+    if broken:
+        update, name = min(broken)
+        raise Diverged(f"{name} is not finite at update {update}; after {first} updates all was.")
 
 
 def even_chunk(updates: int, most: int) -> int:
