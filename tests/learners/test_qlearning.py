@@ -9,9 +9,9 @@ from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in, trial_keys
 from ethogram.core.rollout import rollout
 from ethogram.learners.dynamic_programming import DecisionProcess, value_iteration
-from ethogram.learners.exploration import Constant, ExponentialDecay, Linear, epsilon_greedy
+from ethogram.learners.exploration import Constant, epsilon_greedy
 from ethogram.learners.qlearning import QLearning
-from ethogram.learners.train import Diverged, train
+from ethogram.learners.train import train
 from ethogram.worlds.sharing import Sharing
 
 SMALL = {"agents": 3, "resources": 2, "steps": 20}
@@ -127,20 +127,6 @@ def test_metrics_are_the_returns_of_each_trial_and_agent():
     assert all((returns > 0).all() and (returns <= 19).all() for _, returns in seen)
 
 
-def test_ties_are_broken_evenly_and_exploration_happens_as_often_as_asked():
-    count = 60_000
-    bits = jax.random.bits(jax.random.key(0), (count,))
-    values = jnp.broadcast_to(jnp.array([1.0, 3.0, 3.0, 3.0])[:, None], (4, count))
-
-    def shares(epsilon):
-        chosen = epsilon_greedy(values, bits, epsilon)
-        return np.bincount(chosen, minlength=4) / count
-
-    np.testing.assert_allclose(shares(0.0), [0, 1 / 3, 1 / 3, 1 / 3], atol=0.01)
-    np.testing.assert_allclose(shares(1.0), [1 / 4] * 4, atol=0.01)
-    np.testing.assert_allclose(shares(0.4), [0.1, 0.3, 0.3, 0.3], atol=0.01)
-
-
 def test_a_policy_acts_by_the_tables_of_its_trial():
     world = Sharing(**SMALL, communication="none")
     learner = QLearning(world, trials=2)
@@ -166,23 +152,3 @@ def test_tables_that_do_not_fit_are_refused_with_the_size_they_need():
 def test_spaces_that_are_not_discrete_are_refused_by_name():
     with pytest.raises(EthogramError, match=r"discrete spaces; 'agent' of Sharing has MultiD"):
         QLearning(Sharing(encoding="vector")).init()
-
-
-def test_metrics_that_are_not_finite_stop_training_and_are_named():
-    class Broken(eqx.Module):
-        def update(self, key, learned):
-            del key
-            return learned + 1, {"loss": {"actor": jnp.where(learned == 4, jnp.nan, 1.0)}}
-
-    with pytest.raises(Diverged, match=r"loss\.actor is not finite at update 4"):
-        train(Broken(), jax.random.key(0), jnp.int32(0), 10, chunk=3, after_chunk=ignore)
-
-
-def test_schedules_fall_from_their_start_to_their_end():
-    decay = ExponentialDecay(1.0, 0.01, 0.9995)
-    np.testing.assert_allclose(decay(jnp.int32(0)), 1.0)
-    np.testing.assert_allclose(decay(jnp.int32(100)), 0.9995**100, rtol=1e-4)
-    assert decay(jnp.int32(9207)) > 0.01
-    np.testing.assert_allclose(decay(jnp.int32(9209)), 0.01)  # as the thesis' numbers imply
-    linear = Linear(1.0, 0.2, 10)
-    np.testing.assert_allclose([linear(jnp.int32(at)) for at in (0, 5, 50)], [1.0, 0.6, 0.2])

@@ -1,0 +1,1 @@
+"""Tests of the learners, and the toy worlds they share."""

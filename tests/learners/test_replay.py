@@ -1,0 +1,119 @@
+from collections import deque
+
+import equinox as eqx
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from tests.learners.toys import Market
+
+from ethogram.core.rollout import rollout
+from ethogram.learners.replay import Layout, Replay
+
+
+def leaves_of_all_kinds(seed, batch):
+    """Any bits at all as reals, also infinities and NaN with their payloads."""
+    rng = np.random.default_rng(seed)
+    bits = rng.integers(0, 2**32, (*batch, 3), np.uint32)
+    return {
+        "real": jnp.asarray(bits.view(np.float32)),
+        "whole": jnp.asarray(rng.integers(-(2**31), 2**31, (*batch, 2, 2), np.int32)),
+        "count": jnp.asarray(rng.integers(0, 2**32, batch, np.uint32)),
+        "flag": jnp.asarray(rng.random((*batch, 4)) < 0.5),
+        "keys": jax.random.split(jax.random.key(seed), (*batch, 2)),
+    }
+
+
+LAYOUT = Layout(leaves_of_all_kinds(0, ()))
+
+
+@given(seed=st.integers(0, 2**31), batch=st.sampled_from([(), (3,), (2, 3)]))
+def test_what_is_packed_is_unpacked_bit_for_bit(seed, batch):
+    tree = leaves_of_all_kinds(seed, batch)
+    rows = LAYOUT.pack(tree)
+    assert rows.shape == (*batch, LAYOUT.words)
+    found = LAYOUT.unpack(rows)
+    for name, leaf in tree.items():
+        assert (found[name].shape, found[name].dtype) == (leaf.shape, leaf.dtype)
+        assert bits_of(found[name]) == bits_of(leaf)
+
+
+def bits_of(leaf):
+    plain = jax.random.key_data(leaf) if leaf.dtype == jax.random.key(0).dtype else leaf
+    return np.asarray(plain).tobytes()
+
+
+def test_a_row_has_a_word_per_number_and_two_per_key():
+    assert LAYOUT.words == 3 + 4 + 1 + 4 + 2 * 2
+
+
+def test_numbers_of_another_type_are_kept_as_numbers():
+    layout = Layout({"weights": jnp.zeros(3), "choice": jnp.int32(0)})
+    rows = layout.pack({"weights": jnp.array([0, 1, 0]), "choice": jnp.float32(2.0)})
+    found = layout.unpack(rows)
+    np.testing.assert_array_equal(found["weights"], [0.0, 1.0, 0.0])
+    assert found["choice"] == 2
+
+
+@pytest.mark.parametrize("new", [1, 3, 5])
+def test_when_full_the_newest_transitions_stay(new):
+    room, layout = 5, Layout(jnp.int32(0))
+    replay, newest = Replay.empty(layout, room), deque(maxlen=room)
+    add, draw = jax.jit(Replay.add), jax.jit(Replay.draw, static_argnames="count")
+    for start in range(0, 12 * new, new):
+        numbers = jnp.arange(start, start + new, dtype=jnp.int32) + 1  # 0 stands in empty places
+        newest.extend(numbers.tolist())
+        replay = add(replay, layout.pack(numbers))
+        assert sorted(layout.unpack(replay.rows[: len(newest)]).tolist()) == sorted(newest)
+        drawn = layout.unpack(draw(replay, jax.random.key(start), count=200)).tolist()
+        assert set(drawn) == set(newest)
+
+
+def test_the_largest_memory_still_counts_in_32_bits():
+    room, layout = 2**30, Layout(jnp.int32(0))
+    one = layout.pack(jnp.zeros(1, jnp.int32))
+    after = eqx.filter_eval_shape(lambda: Replay.empty(layout, room).add(one))  # takes no memory
+    assert after.rows.shape == (room, 1)
+
+
+@pytest.mark.parametrize(("added", "filled"), [(4, 4), (10, 10), (17, 10)])
+def test_draws_are_uniform_over_what_is_there(added, filled):
+    layout, count = Layout(jnp.int32(0)), 40_000
+    replay = Replay.empty(layout, 10)
+    for number in range(added):
+        replay = replay.add(layout.pack(jnp.full(1, number, jnp.int32)))
+    drawn = layout.unpack(replay.draw(jax.random.key(1), count))
+    shares = np.bincount(drawn, minlength=added) / count
+    np.testing.assert_allclose(shares[: added - filled], 0)
+    # four standard errors of the most frequent share
+    np.testing.assert_allclose(shares[added - filled :], 1 / filled, atol=4 * 0.5 / count**0.5)
+
+
+def test_a_transition_rebuilt_from_memory_is_the_one_that_was_played():
+    """Also in a world of chance, since its key is kept."""
+    world, steps = Market(), 40
+
+    def at_random(key, observation):
+        del observation
+        buyer, seller = jax.random.split(key)
+        weights = jax.random.dirichlet(seller, jnp.ones(2), (2,))
+        return {
+            "buyer": jax.random.randint(buyer, (1,), 0, 4),
+            "seller": jnp.insert(weights, 1, 0.0, axis=1),
+        }
+
+    _, played = eqx.filter_jit(rollout)(world, at_random, jax.random.key(3), steps)
+    kept = (played.before, played.action, played.key)
+    layout = Layout(jax.tree.map(lambda array: array[0], kept))
+    replay = Replay.empty(layout, steps).add(layout.pack(kept))
+    before, action, chance = layout.unpack(replay.rows)
+    state, outcome = eqx.filter_jit(jax.vmap(world.step))(chance, before, action)
+    found = (jax.vmap(world.observe)(before), state, outcome)
+    expected = (played.observation, played.state, played.outcome)
+    jax.tree.map(
+        lambda one, other: np.testing.assert_allclose(one, other, rtol=1e-6), found, expected
+    )
+    assert played.outcome.terminated["buyer"].any()  # as well as what ends an episode
+    assert played.outcome.truncated["buyer"].any()
