@@ -65,10 +65,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "thesis": {},
         "tuned": {
-            "rate": 3e-3,  # a tenth of the seeds learn half a language at 1e-2
-            "final_rate": 3e-4,
-            "anneal": 5000.0,
+            "discount": 0.6,  # an effect is felt within a few steps: less noise to learn from
             "copy_targets": True,
+            "batch": 256,  # smaller,
+            "rounds": 4,  # and many more of them
+            "warm_up": 50,
+            "rate": 5e-3,  # and falls on the way
+            "final_rate": 3e-4,
+            "anneal": 20_000.0,  # all rounds of 20 000 episodes
         },
     }
 )

@@ -91,6 +91,7 @@ TALKERS: tuple[Talkers, ...] = get_args(Talkers)
 _SIZES = {"world.robots": (2, 3, 4), "world.targets": (2, 3, 4)}
 _TWO = {"world.robots": (2,), "world.targets": (2,)}
 _THREE = {"world.robots": (3,), "world.targets": (3,)}
+_FOUR = {"world.robots": (4,), "world.targets": (4,)}
 
 _TUNED = Settings(
     world=WorldSettings(observe_velocity=True),
@@ -141,8 +142,8 @@ PLANS = {
         description="The learner and what it observes as good as we could make them: how far the "
         "game can be learned.",
         settings=_TUNED,
-        grid={**_TWO, "talkers": TALKERS},
-        further=({**_THREE}, {"world.robots": (4,), "world.targets": (4,)}),
+        grid=_TWO,
+        further=({**_THREE, "trials": (3,)}, {**_FOUR, "trials": (3,)}),
     ),
 }
 
