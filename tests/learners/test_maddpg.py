@@ -1,3 +1,7 @@
+import ast
+import dataclasses
+from pathlib import Path
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +12,7 @@ from tests.learners.toys import Duet, Recital
 
 from ethogram.core.errors import EthogramError, InvalidSettings, TooLarge, UnknownName
 from ethogram.core.rollout import rollout
+from ethogram.core.settings import settings_of
 from ethogram.core.spaces import Box, Discrete
 from ethogram.core.world import Role
 from ethogram.learners.maddpg import MADDPG, PRESETS
@@ -198,8 +203,13 @@ def test_a_memory_that_does_not_fit_is_refused_with_its_size(monkeypatch):
         learner.init(jax.random.key(0))
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_presets_are_settings(name):
-    learner = MADDPG(Language(), **PRESETS[name])
-    for setting, value in PRESETS[name].items():
-        assert getattr(learner, setting) == pytest.approx(value)
+def test_the_page_lists_every_setting_as_it_is_in_both_presets():
+    page = (Path(__file__).parents[2] / "docs/learners/maddpg.md").read_text(encoding="utf-8")
+    names = [field.name for field in dataclasses.fields(settings_of(MADDPG))]
+    rows = [row.split(" | ") for row in page.splitlines() if row.startswith("| `")]
+    listed = {row[0].strip("| `"): row[1:3] for row in rows if row[0].strip("| `") in names}
+    assert list(listed) == names
+    for name, cells in listed.items():
+        for preset, cell in zip(("thesis", "tuned"), cells, strict=True):
+            value = getattr(MADDPG(Language(), **PRESETS[preset]), name)
+            assert float(value) == pytest.approx(float(ast.literal_eval(cell))), (name, preset)

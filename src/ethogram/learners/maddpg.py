@@ -25,6 +25,8 @@ Deviations from the original program, and why:
 - The memory keeps states and computes the rest again (`ethogram.learners.replay`).
 - Where actions are `Discrete`, critics read what was done, as one-hot vectors, and the gradient
   passes straight through; the original shows them the weights that the world never saw.
+- The first round comes one play later: an update begins by playing.
+- Adam adds its epsilon after the correction of bias, as its paper does, TensorFlow's before.
 - A choice or an input that is padding (`ethogram.core.spaces`) has no part in anything.
 
 An episode ends for all agents at once: what follows an agent's own end is not known here.

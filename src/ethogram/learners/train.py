@@ -54,7 +54,8 @@ def train(
         chunk: updates between two callbacks; part of what fixes the numbers bit for bit.
         after_chunk: called with the number of updates done, the state (to be read at once: it
             is donated to the next chunk) and the chunk's metrics.
-        start: how many updates `learned` has behind it, a multiple of `chunk`.
+        start: how many updates `learned` has behind it: those of an earlier stage of the run, and
+            whole chunks of this one.
 
     Raises:
         Diverged: some metric is not finite; the state before the chunk was the last sound one.
