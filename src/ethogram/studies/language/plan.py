@@ -143,7 +143,7 @@ PLANS = {
         "game can be learned.",
         settings=_TUNED,
         grid=_TWO,
-        further=({**_THREE, "trials": (3,)}, {**_FOUR, "trials": (3,)}),
+        further=({**_THREE, "trials": (3,)}, {**_FOUR, "trials": (2,)}),
     ),
 }
 
