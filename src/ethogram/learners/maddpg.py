@@ -50,18 +50,18 @@ from ethogram.core.rollout import rollout
 from ethogram.core.settings import Number, check_settings, setting
 from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import PerRole, World
+from ethogram.learners.actor_critic import Agent
 from ethogram.learners.exploration import Linear, gumbel_softmax
 from ethogram.learners.joint import done, joint, joint_used, own_action, seen
 from ethogram.learners.networks import MLP, features, used_features
+from ethogram.learners.optimisation import descend
 from ethogram.learners.replay import Layout, Replay
 from ethogram.learners.returns import one_step
 
 Script = Callable[[Key[Array, ""], Array], Array]  # (key, a role's observations) -> its actions
 Positive = Annotated[float, Field(gt=0)]
 
-ADAM = optax.scale_by_adam()
 OUT_OF_REACH = -1e9  # a logit that no noise lifts
-SMALL = 1e-12  # a norm that counts as none
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -78,17 +78,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         },
     }
 )
-
-
-class Agent(eqx.Module):
-    """What one agent has learned."""
-
-    actor: MLP
-    critic: MLP
-    target_actor: MLP
-    target_critic: MLP
-    actor_moments: optax.ScaleByAdamState
-    critic_moments: optax.ScaleByAdamState
 
 
 class Learned(eqx.Module):
@@ -224,8 +213,10 @@ class MADDPG(eqx.Module):
     def play(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
         """Play `episodes` episodes side by side and remember them.
 
+        Each takes the world's `horizon` of steps; one that ends before is followed by another.
+
         Returns:
-            The state after, and metrics: `reward`, what each agent earned in each episode,
+            The state after, and metrics: `reward`, what each agent earned in those steps,
             Float[episodes, agents] per role.
 
         """
@@ -284,19 +275,15 @@ class MADDPG(eqx.Module):
         return Layout(jax.eval_shape(kept, jax.random.key(0)))
 
     def _new_agent(self, role: str, key: Key[Array, ""]) -> Agent:
-        inputs = used_features(self.world.roles[role].observation)
-        choices, value = used_features(self.world.roles[role].action), jnp.ones(1, bool)
-        hidden = (self.hidden, self.hidden)
-        keys = jax.random.split(key, 4)
-        actor = MLP.init(keys[0], inputs, hidden, choices)
-        critic = MLP.init(keys[1], joint_used(self.world.roles), hidden, value)
-        if self.copy_targets:  # copies, since a buffer cannot be donated twice
-            target_actor, target_critic = jax.tree.map(jnp.copy, (actor, critic))
-        else:
-            target_actor = MLP.init(keys[2], inputs, hidden, choices)
-            target_critic = MLP.init(keys[3], joint_used(self.world.roles), hidden, value)
-        moments = ADAM.init(actor), ADAM.init(critic)
-        return Agent(actor, critic, target_actor, target_critic, *moments)
+        roles = self.world.roles
+        return Agent.init(
+            key,
+            used_features(roles[role].observation),
+            used_features(roles[role].action),
+            joint_used(roles),
+            (self.hidden, self.hidden),
+            copy_targets=self.copy_targets,
+        )
 
     def _temperature(self, rounds: Int[Array, ""]) -> Float[Array, ""]:
         return Linear(self.temperature, self.final_temperature, self.anneal)(rounds)
@@ -389,7 +376,9 @@ class MADDPG(eqx.Module):
             return jnp.square(critic(row)[:, 0] - target).mean()
 
         lost, gradient = jax.value_and_grad(critic_loss)(agent.critic)
-        critic, critic_moments = self._adam(agent.critic, gradient, agent.critic_moments, rate)
+        critic, critic_moments = descend(
+            agent.critic, gradient, agent.critic_moments, rate, self.clip
+        )
 
         own, ours = own_action(self.world.roles, role, number), batch.observation[role][:, [number]]
         others = row @ critic.weights[0]  # the gradient needs only the part of the own action
@@ -402,7 +391,7 @@ class MADDPG(eqx.Module):
             return -value.mean() + self.penalty * jnp.square(logits).mean(where=used)
 
         actor_lost, gradient = jax.value_and_grad(actor_loss)(agent.actor)
-        actor, actor_moments = self._adam(agent.actor, gradient, agent.actor_moments, rate)
+        actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, rate, self.clip)
         return Agent(
             actor=actor,
             critic=critic,
@@ -411,14 +400,6 @@ class MADDPG(eqx.Module):
             actor_moments=actor_moments,
             critic_moments=critic_moments,
         ), {"critic_loss": lost, "actor_loss": actor_lost}
-
-    def _adam(
-        self, network: MLP, gradient: MLP, moments: optax.ScaleByAdamState, rate: Number
-    ) -> tuple[MLP, optax.ScaleByAdamState]:
-        """Adam (Kingma & Ba, 2015) on gradients clipped array by array."""
-        clipped = jax.tree.map(lambda array: clip_norm(array, self.clip), gradient)
-        direction, moments = ADAM.update(clipped, moments)
-        return jax.tree.map(lambda w, d: w - rate * d, network, direction), moments
 
 
 class Playing(eqx.Module):
@@ -429,9 +410,3 @@ class Playing(eqx.Module):
     def update(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
         """Play, as `MADDPG.play` does."""
         return self.learner.play(key, learned)
-
-
-def clip_norm(array: Float[Array, "..."], largest: Number) -> Float[Array, "..."]:
-    """Scale an array down to a Euclidean norm, unless it is smaller."""
-    norm = jnp.sqrt(jnp.square(array).sum())
-    return array * jnp.minimum(1.0, largest / jnp.maximum(norm, SMALL))
