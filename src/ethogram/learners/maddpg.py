@@ -67,7 +67,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "thesis": {},
         "tuned": {
-            "discount": 0.6,  # an effect is felt within a few steps: less noise to learn from
+            "discount": 0.85,  # an effect is felt within a few steps: less noise to learn from
             "copy_targets": True,
             "batch": 256,  # smaller,
             "rounds": 4,  # and many more of them
