@@ -219,7 +219,11 @@ def test_a_learner_has_no_more_memory_than_its_episodes_fill():
     "changes",
     [
         ["world.steps=1000000", "learner.memory=1000000000", "episodes=1000"],  # the replay
-        ["validation_episodes=1000000", "world.steps=1000"],  # the validation
+        [
+            "validation_episodes=1000000",
+            "world.steps=1000",
+            "learner.memory=5000",
+        ],  # the validation
         ["learner.hidden=100000"],  # the networks
         ["learner.batch=1000000", "world.robots=7", "expressiveness=100"],  # a minibatch
         ["episodes=100000000", "record_every=1", "trials=10000"],  # the learning curves
