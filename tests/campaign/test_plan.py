@@ -156,6 +156,12 @@ def test_an_axis_of_any_grid_can_be_set_in_all_of_them():
     assert [(point.seed, point.walk.steps) for point in points] == [(3, 7), (3, 8)]
 
 
+def test_an_axis_of_one_grid_leaves_the_others_as_they_were():
+    plan = replace(SMOKE, grid={"seed": (7,)}, further=({"walk.steps": (5,)},))
+    seed = SMOKE.settings.seed
+    assert [point.seed for point in plan.override([]).points()] == [7, seed]
+
+
 @settings(max_examples=300)
 @given(st.lists(assignments, max_size=4))
 @example(["detour={}"])

@@ -87,13 +87,14 @@ class Plan(Generic[S]):
                 assign(tree, key, _value(text))
             else:
                 complaints[key] = [_unknown(key, known, axes)]
-        points = _points(type(self.settings), tree, grids, complaints)
+        settings = checked(type(self.settings), tree, complaints)
+        _points(type(self.settings), tree, grids, complaints)
         _explain_lists(texts, axes, complaints)
-        if complaints:
+        if settings is None or complaints:
             raise InvalidSettings(report(complaints))
         return replace(
             self,
-            settings=points[0],
+            settings=settings,
             grid=grids[0],
             further=tuple(grids[1:]),
             overrides=self.overrides + assignments,
