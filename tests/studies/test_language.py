@@ -1,15 +1,11 @@
-import json
-import tempfile
-
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import HealthCheck, given, settings
+from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
-from ethogram import cli
 from ethogram.campaign.context import Context
 from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
@@ -271,48 +267,25 @@ ODD = st.one_of(
     st.text(max_size=8),
     st.lists(st.integers()),
 )
-KEYS = sorted([*SHAPES, *NUMBERS])
-WRONG = st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=12), ODD, min_size=1, max_size=3)
+WRONG = misdrawn([*SHAPES, *NUMBERS], ODD)
+SMALL = dict(change.split("=") for change in (*ONE, "episodes=16", "trials=1"))
 
 
-def fuzz(examples, shapes, capsys):
-    """Run that many drawn settings; returns how many ran and how many were refused."""
-    outcomes = {"ran": 0, "refused": 0}
-    numbers = st.fixed_dictionaries({}, optional=NUMBERS)
-    valid = st.builds(lambda shape, numbers: shape | numbers, shapes, numbers)
-
-    @settings(max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(changes=st.one_of(valid, valid, WRONG))
-    def attempt(changes):
-        written = [f"--set={key}={_written(value)}" for key, value in changes.items()]
-        small = [f"--set={change}" for change in (*ONE, "episodes=16", "trials=1")]
-        with tempfile.TemporaryDirectory() as folder:
-            command = ["run", "language", "--plan=smoke", "--engine=inline", f"--out={folder}"]
-            code = cli.main([*command, *small, *written])
-            if code == cli.DONE:
-                assert cli.main(["report", folder]) == cli.DONE
-        said = capsys.readouterr().err
-        excuses = ("Invalid", "Unknown", "needs", "not finite", "more than capacity")
-        assert code == cli.DONE or any(word in said for word in excuses)
-        outcomes["ran" if code == cli.DONE else "refused"] += 1
-
-    attempt()
-    return outcomes
-
-
-def _written(value):
-    return value if isinstance(value, str) else json.dumps(value)
+def fuzz_language(examples, shapes, capsys):
+    messages = (*MESSAGES, "not finite", "more than capacity")
+    valid = drawn(shapes, NUMBERS)
+    return fuzz("language", SMALL, valid, WRONG, examples, capsys, then="report", messages=messages)
 
 
 def test_drawn_settings_run_or_are_refused_with_a_message(capsys):
-    outcomes = fuzz(30, st.just({}), capsys)
+    outcomes = fuzz_language(30, st.just({}), capsys)
     assert outcomes["ran"] >= 30 / 3
     assert outcomes["refused"] > 0
 
 
 @pytest.mark.slow
 def test_many_drawn_settings_run_or_are_refused_with_a_message(capsys):
-    outcomes = fuzz(40, st.fixed_dictionaries({}, optional=SHAPES), capsys)
+    outcomes = fuzz_language(40, st.fixed_dictionaries({}, optional=SHAPES), capsys)
     assert outcomes["ran"] >= 40 / 3
     assert outcomes["refused"] > 0
 

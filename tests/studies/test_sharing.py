@@ -1,15 +1,11 @@
-import json
-import tempfile
-
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import HealthCheck, given, settings
+from tests.studies.fuzzing import drawn, fuzz, misdrawn
 
-from ethogram import cli
 from ethogram.campaign.context import Context
 from ethogram.core.errors import TooLarge
 from ethogram.core.rollout import Transition
@@ -260,15 +256,12 @@ NUMBERS = {
     "exploration.decay": st.floats(0, 1),
     "seed": st.integers(0, 2**32 - 1),
 }
-ONE_CASE = [
-    f"--set={assignment}"
-    for assignment in (
-        "world.scenario=mixed",
-        "world.observe_filling=false",
-        "strategy=none",
-        "episodes=2",
-    )
-]
+ONE_CASE = {
+    "world.scenario": "mixed",
+    "world.observe_filling": False,
+    "strategy": "none",
+    "episodes": 2,
+}
 ODD = st.one_of(
     st.none(),
     st.booleans(),
@@ -278,45 +271,21 @@ ODD = st.one_of(
     st.text(max_size=8),
     st.lists(st.integers()),
 )
-KEYS = sorted([*SHAPES, *NUMBERS])
-WRONG = st.dictionaries(st.sampled_from(KEYS) | st.text(max_size=12), ODD, min_size=1, max_size=3)
+WRONG = misdrawn([*SHAPES, *NUMBERS], ODD)
 
 
-def fuzz(examples, shapes, capsys):
-    """Run that many drawn settings; returns how many ran and how many were refused."""
-    outcomes = {"ran": 0, "refused": 0}
-    numbers = st.fixed_dictionaries({}, optional=NUMBERS)
-    valid = st.builds(lambda shape, numbers: shape | numbers, shapes, numbers)
-
-    @settings(max_examples=examples, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(changes=st.one_of(valid, valid, WRONG))
-    def attempt(changes):
-        written = [f"--set={key}={_written(value)}" for key, value in changes.items()]
-        with tempfile.TemporaryDirectory() as folder:
-            command = ["run", "sharing", "--plan=smoke", "--engine=inline", f"--out={folder}"]
-            code = cli.main([*command, *ONE_CASE, *written])
-            if code == cli.DONE:
-                assert cli.main(["claims", folder]) == cli.DONE
-        said = capsys.readouterr().err
-        assert code == cli.DONE or any(word in said for word in ("Invalid", "Unknown", "needs"))
-        outcomes["ran" if code == cli.DONE else "refused"] += 1
-
-    attempt()
-    return outcomes
-
-
-def _written(value):
-    return value if isinstance(value, str) else json.dumps(value)
+def fuzz_sharing(examples, shapes, capsys):
+    return fuzz("sharing", ONE_CASE, drawn(shapes, NUMBERS), WRONG, examples, capsys, then="claims")
 
 
 def test_drawn_settings_run_or_are_refused_with_a_message(capsys):
-    outcomes = fuzz(50, FEW_SHAPES, capsys)
+    outcomes = fuzz_sharing(50, FEW_SHAPES, capsys)
     assert outcomes["ran"] >= 50 / 3
     assert outcomes["refused"] > 0
 
 
 @pytest.mark.slow
 def test_many_drawn_settings_run_or_are_refused_with_a_message(capsys):
-    outcomes = fuzz(500, st.fixed_dictionaries({}, optional=SHAPES), capsys)
+    outcomes = fuzz_sharing(500, st.fixed_dictionaries({}, optional=SHAPES), capsys)
     assert outcomes["ran"] >= 500 / 3
     assert outcomes["refused"] > 0
