@@ -302,7 +302,7 @@ def _page(study: "Study", collected: "Collected") -> "StudyPage":
         question=study.QUESTION,
         plan=planned.plan,
         plan_description=planned.description,
-        trials=planned.settings.get("trials"),
+        trials=planned.trials,
         cases_done=len(records),
         cases_planned=len(planned.cases),
         failures=collected.failures,

@@ -76,6 +76,12 @@ class PlannedRun:
     started: str
 
     @property
+    def trials(self) -> int | None:
+        """How many trials each case has; None where that differs, or where there are none."""
+        found = {*self.grid.get("trials", (self.settings.get("trials"),))}
+        return found.pop() if len(found) == 1 else None
+
+    @property
     def varied_settings(self) -> Tree:
         """The settings, with all the values along an axis where one stands for them."""
         settings = deepcopy(dict(self.settings))

@@ -140,10 +140,10 @@ PLANS = {
     "tuned": Plan(
         name="tuned",
         description="The learner and what it observes as good as we could make them: how far the "
-        "game can be learned.",
+        "game can be learned. Five trials at 2x2, two at 3x3 and at 4x4, seed 0.",
         settings=_TUNED,
         grid={**_FOUR, "trials": (2,)},  # what takes longest comes first
-        further=({**_THREE, "trials": (2,)}, _TWO),
+        further=({**_THREE, "trials": (2,)}, {**_TWO, "trials": (5,)}),
     ),
 }
 
