@@ -34,6 +34,7 @@ from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
 from ethogram.core.world import PerRole, World
 from ethogram.learners.exploration import ExponentialDecay, Schedule, epsilon_greedy
+from ethogram.learners.returns import one_step
 
 
 class Learned(eqx.Module):
@@ -193,8 +194,8 @@ class QLearning(eqx.Module):
     ) -> Float[Array, "actions agent"]:
         """The row's values after learning: eq. 3.13 in the entry of the action taken."""
         values = at.values[role]
-        future = jnp.where(terminated.reshape(-1), 0.0, ahead.max(0))
-        target = reward.reshape(-1) + self.discount * future
+        ended, reward = terminated.reshape(-1), reward.reshape(-1)
+        target = one_step(reward, ended, ahead.max(0), self.discount)
         taken = jnp.arange(len(values))[:, None] == action.reshape(-1)
         counts = taken & at.active[role].reshape(-1)
         return jnp.where(counts, values + self.rate * (target - values), values)
