@@ -155,6 +155,20 @@ def test_settings_are_averaged_at_equal_expressiveness():
     np.testing.assert_array_equal(value[1:], exactly)
 
 
+def test_settings_with_unequal_trials_share_those_that_all_have():
+    two, three = Setting(2, 2), Setting(2, 3)
+    records = campaign([two, three], (0.0, 1.0, 3.0))
+    every = Results.of(records).normalised([two, three], (0.0, 1.0))
+    fewer = {
+        name: {"results": groups["results"].isel(trial=slice(2 if name[:3] == "2x3" else None))}
+        for name, groups in records.items()
+    }
+    results = Results.of(fewer)
+    np.testing.assert_array_equal(results.normalised([two, three], (0.0, 1.0)), every[:, :2])
+    assert figures(fewer)
+    assert claims(fewer)[1].effect is not None
+
+
 def test_rewards_are_normalised_over_what_was_run():
     one = Setting(2, 2)
     rewards = {0.0: [-30, -3, 1], 0.25: [-20, -2, 1], 1.0: [-10, -1, 4]}

@@ -111,9 +111,11 @@ class Results(NamedTuple):
         """R_val scaled, in each trial of a setting, to mean 0 and deviation 1 over |W|.
 
         Over all |W| that were run, which in the thesis is the whole curve; returned for those of
-        some e, which must be among them.
+        some e, which must be among them, and for the trials that all settings have.
         """
-        return np.stack([self._normalised(one, expressiveness) for one in settings])
+        found = [self._normalised(one, expressiveness) for one in settings]
+        trials = min(map(len, found))
+        return np.stack([one[:trials] for one in found])
 
     def _normalised(
         self, setting: Setting, expressiveness: Sequence[float]
