@@ -1,0 +1,35 @@
+"""Soft bodies as lattices of elastic beams in three dimensions (thesis, chapter 5).
+
+A body is a set of cubic voxels, each a rigid mass with an orientation; neighbours are joined by a
+beam that stretches, bends and twists and whose rest length follows the edges commanded to its two
+voxels.  Bodies lie on a floor with friction, under gravity, and do not pass through themselves.
+
+The model is the one that the thesis takes from Kriegman's simulator: Hiller and Lipson, "Dynamic
+Simulation of Soft Multimaterial 3D-Printed Objects" (2014), with linear beams, no poisson effect
+on the volume, and explicit integration.  Trajectories agree with that simulator's to 1e-10 m over
+10 000 steps in 64 bits, distances to 0.1% in 32 bits.
+
+Arrays have components first, then voxels or bonds, then any batch axes.  Every function is written
+for one robot, without batch axes, and takes trailing ones as they come: robots then lie side by
+side in memory, which is three times as fast as the layout that `jax.vmap` makes.  `jax.vmap` works
+as well, over anything: states, edges, gravity, materials, and bodies made equal in size by
+`stack`.
+
+Precision is JAX's: 32 bits, or 64 where `jax_enable_x64` is set.
+"""
+
+from ethogram.physics.beams3d.lattice import Lattice, lattice, stack
+from ethogram.physics.beams3d.material import Material
+from ethogram.physics.beams3d.motion import State, at_rest, centre, sensed_scale, step
+
+__all__ = [
+    "Lattice",
+    "Material",
+    "State",
+    "at_rest",
+    "centre",
+    "lattice",
+    "sensed_scale",
+    "stack",
+    "step",
+]

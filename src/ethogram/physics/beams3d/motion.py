@@ -1,0 +1,134 @@
+"""A body's state and one step of time: forces, then momenta, then places (semi-implicit Euler)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from ethogram.physics.beams3d.bonds import Memory, bond_forces
+from ethogram.physics.beams3d.contacts import floor as floor_contact
+from ethogram.physics.beams3d.contacts import self_collisions
+from ethogram.physics.beams3d.lattice import Lattice
+from ethogram.physics.beams3d.material import Material
+from ethogram.physics.beams3d.rotations import Quaternion, Vector, normalised, product
+
+BREAKS = 100.0  # a strain beyond it: the simulation has failed
+
+
+class State(eqx.Module):
+    """Where a body is, how it moves, and what its bonds remember."""
+
+    position: Float[Array, "3 voxel *batch"]  # m
+    orientation: Float[Array, "4 voxel *batch"]  # unit quaternion: w, x, y, z
+    momentum: Float[Array, "3 voxel *batch"]  # kg m/s
+    angular_momentum: Float[Array, "3 voxel *batch"]  # kg m^2/s
+    force: Float[Array, "3 voxel *batch"]  # N, change of momentum per time in the last step
+    edge: Float[Array, "voxel *batch"]  # m, as commanded for the last step
+    strain: Float[Array, "bond *batch"]  # of the bonds in the last step
+    memory: Memory
+    steps: Int[Array, ""]  # taken so far
+    broken: Bool[Array, "*batch"]  # once a strain passed 100, or something was not finite
+
+
+def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -> State:
+    """A body that nothing has moved yet, with its lowest corner at the origin.
+
+    Args:
+        lattice: the body.
+        material: of its voxels.
+        batch: the axes of a batch of robots, all alike.
+
+    """
+    lift = (lattice.cell.T + 0.5) * material.edge
+    lift = jnp.broadcast_to(lift.reshape(lift.shape + (1,) * len(batch)), lift.shape + batch)
+    still = jnp.zeros_like(lift)
+    bonds = (lattice.bonds, *batch)
+    return State(
+        position=lift,
+        orientation=jnp.zeros_like(lift, shape=(4, *lift.shape[1:])).at[0].set(1.0),
+        momentum=still,
+        angular_momentum=still,
+        force=still,
+        edge=jnp.broadcast_to(material.edge, lift.shape[1:]),
+        strain=jnp.zeros_like(lift, shape=bonds),
+        memory=Memory(jnp.ones(bonds, bool), jnp.zeros_like(lift, shape=(9, *bonds))),
+        steps=jnp.int32(0),
+        broken=jnp.zeros(batch, bool),
+    )
+
+
+def step(
+    lattice: Lattice,
+    material: Material,
+    state: State,
+    edge: Float[Array, "voxel *batch"],
+    gravity: Float[Array, "3 ..."],
+    *,
+    floor: bool = True,
+) -> State:
+    """Advance by `material.time_step`.
+
+    Args:
+        lattice: the body.
+        material: of voxels and floor.
+        state: where it is.
+        edge: commanded from now on (m).
+        gravity: acceleration (m/s^2), the same for all robots or one each.
+        floor: whether there is one, at z = 0.
+
+    """
+    pose = state.position, state.orientation
+    pull, memory = bond_forces(lattice, material, pose, edge, state.memory, state.steps == 0)
+    touch = self_collisions(lattice, material, state.position, edge)
+    drag = material.global_damping * material.contact_dashpot / material.mass * state.momentum
+    others = pull.force + touch - drag
+    force = Vector(*(part + material.mass * g for part, g in zip(others, gravity, strict=True)))
+    momentum = Vector(*state.momentum)
+    if floor:
+        momentum, force = floor_contact(material, state.position[2], edge, momentum, force)
+    time = material.time_step
+    pushed = jnp.stack(momentum) + jnp.stack(force) * time
+    position = state.position + pushed * (time / material.mass)
+    spin = (state.angular_momentum + pull.torque * time) * material.spin_decay
+    failed = (pull.strain > BREAKS).any(0) | ~jnp.isfinite(position).all((0, 1))
+    return State(
+        position=position,
+        orientation=turned(state.orientation, spin / material.inertia, time),
+        momentum=pushed,
+        angular_momentum=spin,
+        force=(pushed - state.momentum) / time,
+        edge=edge,
+        strain=pull.strain,
+        memory=memory,
+        steps=state.steps + 1,
+        broken=state.broken | failed,
+    )
+
+
+def turned(
+    orientation: Float[Array, "4 voxel *batch"],
+    spin: Float[Array, "3 voxel *batch"],
+    time: Float[Array, ""],
+) -> Float[Array, "4 voxel *batch"]:
+    """Turn at an angular velocity (rad/s) for a time (s): q + (0, w) q time / 2, normalised."""
+    q = Quaternion(*orientation)
+    rate = product(Quaternion(jnp.zeros_like(q.w), *spin), q)
+    half = time / 2
+    return jnp.stack(
+        normalised(Quaternion(*(now + half * change for now, change in zip(q, rate, strict=True))))
+    )
+
+
+def sensed_scale(lattice: Lattice, state: State) -> Float[Array, "voxel *batch"]:
+    """How long a voxel's bonds are, relative to rest: the mean of 1 + strain; 1 without bonds."""
+    ends = lattice.first, lattice.second
+    count = jnp.stack([(end.items < lattice.bonds).sum(0) for end in ends]).sum(0)
+    total = jnp.stack([end.total(state.strain[None])[0] for end in ends]).sum(0)
+    count = count.reshape(count.shape + (1,) * (total.ndim - 1))
+    return 1 + total / jnp.maximum(count, 1)
+
+
+def centre(lattice: Lattice, state: State) -> Float[Array, "3 *batch"]:
+    """The centre of mass, m."""
+    used = lattice.used.reshape(lattice.used.shape + (1,) * (state.position.ndim - 2))
+    return jnp.where(used, state.position, 0.0).sum(1) / lattice.used.sum()
