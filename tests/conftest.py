@@ -11,6 +11,7 @@ ARRAYS = (
     "ethogram.core.keys",
     "ethogram.core.rollout",
     "ethogram.learners",
+    "ethogram.physics",
     "ethogram.worlds",
 )
 
