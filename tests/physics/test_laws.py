@@ -268,5 +268,5 @@ def test_cells_must_be_there_each_once(cells: list[tuple[int, int, int]], messag
         lattice(np.array(cells, int).reshape(-1, 3))
 
 
-def changed(state: State, **changes: Array) -> State:
+def changed(state: State, **changes: Any) -> State:
     return dataclasses.replace(state, **changes)

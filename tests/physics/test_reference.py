@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax import lax
+from jax import Array, lax
 from jaxtyping import Float
 
 from ethogram.physics.beams3d import Lattice, Material, at_rest, lattice, stack, step
@@ -26,8 +26,8 @@ class Body(NamedTuple):
     """A case, padded so that one compiled program runs them all."""
 
     lattice: Lattice
-    swing: Float[np.ndarray, "4 voxel"]
-    gravity: Float[np.ndarray, "3"]
+    swing: Float[Array, "4 voxel"]
+    gravity: Float[Array, "3"]
 
 
 @jax.jit

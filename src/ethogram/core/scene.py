@@ -19,7 +19,11 @@ from ethogram.core.errors import EthogramError
 if TYPE_CHECKING:
     import xarray as xr
 
-Kind = Literal["circle", "square", "ring", "text"]
+Kind = Literal["circle", "square", "ring", "text", "cube"]
+TURNS = {  # arrays that only scenes of bodies have, and their axes
+    "scale": ("frame", "shape"),
+    "orientation": ("frame", "shape", "quaternion"),
+}
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,8 @@ class Scene:
     tint: Int[np.ndarray, "frame shape"]  # entry of the palette, -1 = hidden
     words: tuple[str, ...] = ()  # what shapes can say
     said: Int[np.ndarray, "frame shape"] | None = None  # entry of words, -1 = nothing
+    scale: Float[np.ndarray, "frame shape"] | None = None  # of a shape's size
+    orientation: Float[np.ndarray, "frame shape 4"] | None = None  # unit quaternion w, x, y, z
     captions: tuple[str, ...] = ()  # one per frame
     series: dict[str, Float[np.ndarray, "frame line"]] = field(default_factory=dict)
 
@@ -64,6 +70,10 @@ class Scene:
         }
         if self.said is not None:
             shapes["said"] = (self.said.shape, (frames, cast))
+        if self.scale is not None:
+            shapes["scale"] = (self.scale.shape, (frames, cast))
+        if self.orientation is not None:
+            shapes["orientation"] = (self.orientation.shape, (frames, cast, 4))
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
@@ -83,6 +93,10 @@ class Scene:
         }
         if self.said is not None:
             arrays["said"] = (("frame", "shape"), self.said.astype(np.int16))
+        for name, axes in TURNS.items():
+            turned = getattr(self, name)
+            if turned is not None:
+                arrays[name] = (axes, turned.astype(np.float32))
         for name, lines in self.series.items():
             arrays[f"series.{name}"] = (("frame", f"line.{name}"), lines.astype(np.float32))
         plain = {
@@ -107,11 +121,16 @@ class Scene:
             for name, lines in data.data_vars.items()
             if str(name).startswith("series.")
         }
-        said = data["said"].values if "said" in data else None
+
+        def optional(name: str) -> np.ndarray | None:
+            return data[name].values if name in data else None
+
         return Scene(
             position=data["position"].values,
             tint=data["tint"].values,
-            said=said,
+            said=optional("said"),
+            scale=optional("scale"),
+            orientation=optional("orientation"),
             series=series,
             **plain,
         )

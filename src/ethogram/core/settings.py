@@ -48,11 +48,13 @@ def setting(
         allowed: the type, with bounds, as pydantic reads it.
         static: a size or a name, part of the compiled program; else a number, kept as an array
             so that it may be swept and so that another value needs no other program.
-        converter: checks a value and turns it into the array that the program computes with.
+        converter: checks a value and turns it into the array that the program computes with, or,
+            of a static one, into its one spelling.
 
     """
     if static:
-        return eqx.field(default=default, static=True, metadata={"setting": allowed})
+        convert = {} if converter is None else {"converter": converter}
+        return eqx.field(default=default, static=True, metadata={"setting": allowed}, **convert)
     return eqx.field(
         default=default,
         converter=converter or jnp.asarray,

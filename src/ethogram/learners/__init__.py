@@ -6,6 +6,7 @@ LEARNERS: Registry[type] = Registry(
     "learner",
     "ethogram.learners",
     {
+        "age_fitness": "ethogram.learners.evolution:AgeFitness",
         "maddpg": "ethogram.learners.maddpg:MADDPG",
         "monte_carlo": "ethogram.learners.dynamic_programming:MonteCarloControl",
         "qlearning": "ethogram.learners.qlearning:QLearning",

@@ -10,5 +10,9 @@ if TYPE_CHECKING:  # listing names must not load JAX
 STUDIES: "Registry[Study]" = Registry(
     "study",
     "ethogram.studies",
-    {"language": "ethogram.studies.language", "sharing": "ethogram.studies.sharing"},
+    {
+        "language": "ethogram.studies.language",
+        "sensing": "ethogram.studies.sensing",
+        "sharing": "ethogram.studies.sharing",
+    },
 )

@@ -13,5 +13,6 @@ WORLDS: "Registry[type[World]]" = Registry(
     {
         "language": "ethogram.worlds.language:Language",
         "sharing": "ethogram.worlds.sharing:Sharing",
+        "softbody3d": "ethogram.worlds.softbody3d:SoftBody3D",
     },
 )

@@ -1,0 +1,216 @@
+"""Run a case: evolve controllers in all its trials side by side, then watch the best of each."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jax import Array
+from jaxtyping import Float, Key
+
+from ethogram.campaign.case import Case, Cost
+from ethogram.campaign.context import Context
+from ethogram.core.keys import fold_in, trial_keys
+from ethogram.core.memory import require_memory
+from ethogram.core.trees import from_arrays, to_arrays
+from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
+from ethogram.learners.train import even_chunk, train
+from ethogram.physics.beams3d import State, centre
+from ethogram.studies.sensing.plan import (
+    SCENARIOS,
+    Settings,
+    condition_of,
+    controller_of,
+    world_of,
+)
+from ethogram.worlds.softbody3d import SoftBody3D
+from ethogram.worlds.softbody3d.bodies import layers
+from ethogram.worlds.softbody3d.controllers import Controller
+from ethogram.worlds.softbody3d.gravity import program, schedule
+from ethogram.worlds.softbody3d.locomotion import Journey, travel
+from ethogram.worlds.softbody3d.scene import Pose, pose, record
+
+VOXEL_STEPS_PER_SECOND = 8e6  # one core of an ordinary machine; see benchmarks
+COMPILE_SECONDS = 12.0
+PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
+RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
+ROBOT_BYTES = 4 * 200  # of a voxel's state, bonds and what is computed of them
+CHUNK_VOXEL_STEPS = 40_000_000  # between two checkpoints: some seconds
+
+
+class Race(eqx.Module):
+    """Fitness: how far along +x each controller gets."""
+
+    world: SoftBody3D
+    controller: Controller
+    gravity: Float[Array, "step 3"]
+
+    def __call__(self, candidates: Float[Array, "run candidate gene"]) -> Evaluated:
+        """Simulate all candidates of all runs side by side."""
+        runs, size, genes = candidates.shape
+        columns = candidates.reshape(-1, genes).T
+        journey = travel(self.world, self.controller, columns, self.gravity)
+        return Evaluated(journey.distance.reshape(runs, size), journey.broken.reshape(runs, size))
+
+
+def cost(case: Case) -> Cost:
+    """About what a case takes on one core."""
+    settings = case.parsed(Settings)
+    lattice, learner = world_of(settings).lattice, settings.learner
+    individuals = learner.population + settings.generations * (learner.population + 1)
+    scenarios = len(SCENARIOS[settings.surface])
+    robots = settings.trials * (individuals + scenarios)
+    genes = controller_of(settings).genes
+    samples = settings.world.steps // settings.record_every
+    watched = settings.trials * scenarios * 2 * samples + samples * lattice.voxels * 8
+    pairs = len(lattice.left.voxel)
+    side_by_side = settings.trials * max(learner.population + 1, scenarios)
+    return Cost(
+        seconds=COMPILE_SECONDS
+        + robots * settings.world.steps * lattice.voxels / VOXEL_STEPS_PER_SECOND,
+        bytes=PROCESS_BYTES
+        + 16 * genes * settings.trials * (2 * learner.population + 1)
+        + ROBOT_BYTES * side_by_side * (lattice.voxels + pairs // 4)
+        + 4 * 3 * settings.world.steps * settings.trials * scenarios
+        + RECORDED_BYTES * watched,
+    )
+
+
+def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
+    """Evolve and validate all trials of a case.
+
+    Returns:
+        `results` (dimensions trial, generation, gene, scenario, axis, sample) and `scene`, the
+        first trial's best robot.
+
+    Raises:
+        TooLarge: the case would not fit in memory; the message names the size.
+
+    """
+    settings = case.parsed(Settings)
+    require_memory(f"Evolution of {condition_of(settings).words}", cost(case).bytes)
+    keys = trial_keys(settings.seed, case.name, settings.trials)
+    population, curves = _evolve(learner_of(settings), keys, settings, context)
+    genome, _ = best(population)
+    seen = jax.tree.map(np.asarray, _validate(settings, genome))
+    material = world_of(settings).material
+    scene = record(
+        condition_of(settings).words,
+        Pose(*(frames[..., 0] for frames in seen.seen["first"])),
+        resting=float(material.edge),
+        seconds=settings.record_every * float(material.time_step),
+    )
+    return {"results": _label(settings, curves, genome, seen), "scene": scene.to_dataset()}
+
+
+def learner_of(settings: Settings) -> AgeFitness:
+    """The evolution of a case."""
+    world, controller = world_of(settings), controller_of(settings)
+    (gravity, *_) = SCENARIOS[settings.surface].values()
+    return AgeFitness(
+        genes=Genes(*map(jnp.asarray, controller.ranges)),
+        evaluate=Race(world, controller, schedule(program(gravity), settings.world.steps)),
+        **dataclasses.asdict(settings.learner),
+    )
+
+
+def _evolve(
+    learner: AgeFitness, keys: Key[Array, "trials"], settings: Settings, context: Context
+) -> tuple[Population, dict[str, np.ndarray]]:
+    """Evolve, from the last checkpoint if there is one; return what became of each generation."""
+    found = context.restore()
+    if found is None:
+        population, metrics = eqx.filter_jit(learner.init)(fold_in(keys, 0))
+        curves = {name: np.asarray(metrics[name])[None] for name in ("best", "broken")}
+    else:
+        curves = {name: found.pop(f"curve.{name}") for name in ("best", "broken")}
+        population = from_arrays(_shapes(learner, keys), found)
+
+    def after_chunk(done: int, population: Population, metrics: Any) -> None:
+        for name in curves:
+            curves[name] = np.concatenate([curves[name], metrics[name]])
+        context.progress(done, settings.generations)
+        context.checkpoint(
+            lambda: to_arrays(population) | {f"curve.{name}": c for name, c in curves.items()}
+        )
+
+    work = settings.trials * (settings.learner.population + 1) * settings.world.steps
+    most = CHUNK_VOXEL_STEPS // (work * world_of(settings).lattice.voxels)
+    population = train(
+        learner,
+        fold_in(keys, 1),
+        population,
+        settings.generations,
+        chunk=even_chunk(settings.generations, most),
+        after_chunk=after_chunk,
+        start=len(curves["best"]) - 1,
+    )
+    return population, curves
+
+
+def _shapes(learner: AgeFitness, keys: Key[Array, "trials"]) -> Population:
+    return jax.eval_shape(learner.init, keys)[0]
+
+
+def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> Journey:
+    """The best of each trial under each gravity: robots are scenario by scenario, then trials."""
+    world, programs = world_of(settings), SCENARIOS[settings.surface].values()
+    schedules = [schedule(program(gravity), settings.world.steps) for gravity in programs]
+
+    def watch(state: State) -> dict[str, Any]:
+        first = Pose(*(part[..., :1] for part in pose(state)))
+        return {"centre": centre(world.lattice, state), "first": first}
+
+    return eqx.filter_jit(travel)(
+        world,
+        controller_of(settings),
+        jnp.tile(genome.T, (1, len(schedules))),
+        jnp.repeat(jnp.stack(schedules, -1), len(genome), -1),
+        watch=watch,
+        every=settings.record_every,
+    )
+
+
+def _label(
+    settings: Settings,
+    curves: dict[str, np.ndarray],
+    genome: Float[Array, "trial gene"],
+    seen: Journey,
+) -> xr.Dataset:
+    condition, trials = condition_of(settings), settings.trials
+    scenarios = list(SCENARIOS[settings.surface])
+    path = seen.seen["centre"][:, ::2]  # of x, y, z the first and the last
+    samples = len(path)
+    path = path.reshape(samples, 2, len(scenarios), trials).transpose(3, 2, 1, 0)
+    time = np.arange(samples) * settings.record_every * float(world_of(settings).material.time_step)
+    return xr.Dataset(
+        {
+            "fitness": (("trial", "generation"), curves["best"].T.astype(np.float32)),
+            "broken": (("trial", "generation"), curves["broken"].T.astype(np.int32)),
+            "genome": (("trial", "gene"), np.asarray(genome, np.float32)),
+            "distance": (
+                ("trial", "scenario"),
+                seen.distance.reshape(len(scenarios), trials).T.astype(np.float32),
+            ),
+            "path": (("trial", "scenario", "axis", "sample"), path.astype(np.float32)),
+        },
+        coords={
+            "generation": ("generation", np.arange(settings.generations + 1)),
+            "scenario": ("scenario", scenarios),
+            "axis": ("axis", ["x", "z"]),
+            "sample": ("sample", time, {"long_name": "time", "units": "s"}),
+        },
+        attrs={
+            "body": condition.body,
+            "layers": layers(world_of(settings).cells),
+            "voxels": len(world_of(settings).cells),
+            "controller": condition.controller,
+            "law": condition.law,
+            "surface": condition.surface,
+            "generations": settings.generations,
+            "steps": settings.world.steps,
+        },
+    )

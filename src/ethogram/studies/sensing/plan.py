@@ -1,0 +1,133 @@
+"""Settings, conditions and plans of the study: what is run, and at what price."""
+
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import Field
+
+from ethogram.campaign.case import Case
+from ethogram.campaign.plan import Plan
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.settings import settings_class, settings_of
+from ethogram.learners.evolution import AgeFitness
+from ethogram.physics.beams3d import Material
+from ethogram.studies.sensing.condition import Condition
+from ethogram.worlds.softbody3d import SoftBody3D
+from ethogram.worlds.softbody3d.controllers import (
+    Actuation,
+    Controller,
+    NonSensing,
+    Output,
+    Sensing,
+)
+
+NAME = "sensing"
+VERSION = "1"  # goes up whenever the same settings would give other numbers
+
+Surface = Literal["even", "uneven"]
+
+if TYPE_CHECKING:
+    WorldSettings: TypeAlias = Any
+    MaterialSettings: TypeAlias = Any
+    LearnerSettings: TypeAlias = Any
+else:
+    WorldSettings = settings_of(SoftBody3D, omit=("gravity",))
+    MaterialSettings = settings_of(Material)
+    LearnerSettings = settings_of(AgeFitness)
+
+
+@settings_class
+class Settings:
+    """Everything that fixes a case's numbers."""
+
+    world: WorldSettings = Field(default_factory=WorldSettings)
+    material: MaterialSettings = Field(default_factory=MaterialSettings)
+    law: Actuation | Output = "tanh"  # the first two do not sense, the others do
+    swing: Annotated[float, Field(ge=0, lt=1)] = 0.1  # a and delta s, in edges at rest
+    surface: Surface = "even"
+    learner: LearnerSettings = Field(default_factory=LearnerSettings)
+    generations: Annotated[int, Field(ge=1, le=1_000_000)] = 200
+    record_every: Annotated[int, Field(ge=1, le=1_000_000)] = 25  # steps; divides world.steps
+    trials: Annotated[int, Field(ge=1, le=100_000)] = 30
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+BODIES = ("worm", "biped", "tripod")
+LAWS = ("shrink_limited", "tanh", "unbounded")
+SURFACES: tuple[Surface, ...] = get_args(Surface)
+SCENARIOS = {  # which gravity: first that of evolution, then those of validation
+    "even": {"fitness": "even"},
+    "uneven": {"fitness": "evolution", "flat": "flat", "step": "step", "sin": "sin"},
+}
+
+_ALL = {"world.body": BODIES, "law": LAWS, "surface": SURFACES}
+
+PLANS = {
+    "smoke": Plan(
+        name="smoke",
+        description="The worm under all controllers, for a moment, to see that everything works.",
+        settings=Settings(
+            world=WorldSettings(steps=200),
+            learner=LearnerSettings(population=4),
+            generations=2,
+            trials=2,
+        ),
+        grid={**_ALL, "world.body": ("worm",)},
+    ),
+    "quick": Plan(
+        name="quick",
+        description="All conditions, in five runs of ten generations.",
+        settings=Settings(generations=10, trials=5),
+        grid=_ALL,
+    ),
+    "excerpt": Plan(
+        name="excerpt",
+        description="Section 5.4 with six of its thirty runs: what one machine does in an hour.",
+        settings=Settings(trials=6),
+        grid=_ALL,
+    ),
+    "thesis": Plan(
+        name="thesis",
+        description="Section 5.4: thirty runs of two hundred generations, for either way to read "
+        "the outputs of the network.",
+        settings=Settings(),
+        grid=_ALL,
+    ),
+}
+
+
+def condition_of(settings: Settings) -> Condition:
+    """The cell of the campaign that settings belong to."""
+    controller = "non-sensing" if settings.law in get_args(Actuation) else "sensing"
+    return Condition(settings.world.body, controller, settings.law, settings.surface)
+
+
+def cases(plan: Plan[Settings]) -> list[Case]:
+    """One case per condition, with all its trials; those that take longest come first."""
+    points = sorted(plan.points(), key=lambda point: -len(world_of(point).cells))
+    for point in points:
+        if point.world.steps % point.record_every:
+            raise InvalidSettings(
+                f"record_every = {point.record_every}: it should divide the {point.world.steps} "
+                "steps of world.steps."
+            )
+    return [
+        Case.of(study=NAME, version=VERSION, name=condition_of(point).name, settings=point)
+        for point in points
+    ]
+
+
+def world_of(settings: Settings) -> SoftBody3D:
+    """The world of a case.  Its gravity is left open: simulations are given it step by step."""
+    return SoftBody3D(
+        material=Material(**dataclasses.asdict(settings.material)),
+        **dataclasses.asdict(settings.world),
+    )
+
+
+def controller_of(settings: Settings) -> Controller:
+    """The law of control of a case."""
+    voxels = len(world_of(settings).cells)
+    if settings.law == "shrink_limited" or settings.law == "plain":
+        return NonSensing(voxels, settings.law, settings.swing)
+    return Sensing(voxels, settings.law, settings.swing)

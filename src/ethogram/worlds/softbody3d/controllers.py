@@ -1,0 +1,181 @@
+"""The thesis' two controllers (sections 5.3.2 and 5.3.3), as pure functions of flat parameters.
+
+A controller turns parameters into a drive: a function of the sensors to the scale of every voxel,
+its commanded edge relative to the edge at rest.  Parameters may have trailing batch axes, one set
+for each robot of a batch.
+
+Deviations.  The thesis gives sizes in cubic metres; they are read as edges: s^0 = L = 10 mm, and
+a = delta s = 1 mm, a tenth of L.  Sizes are normalised to [-1, 1], phases are in radians.  The
+networks have no biases, as the thesis' count of parameters says; printed there is 3 (n + 1) h + h n
+where 3 n + 1 inputs give (3 n + 1) h + h n.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Float, Key
+
+from ethogram.core.rollout import Policy
+from ethogram.core.settings import Number
+from ethogram.core.world import PerRole
+from ethogram.worlds.softbody3d.sensors import PER_VOXEL, Sensors, unflatten
+
+Actuation = Literal["shrink_limited", "plain"]
+Output = Literal["tanh", "unbounded"]
+Drive = Callable[[Sensors], Float[Array, "voxel *batch"]]
+
+SWING = 0.1  # a / s^0 and delta s / s^0
+HIDDEN_PER_VOXEL = 0.65
+LEAST, GREATEST = 0.25, 1.1  # limits of unbounded outputs
+
+
+class Ranges(NamedTuple):
+    """Where random parameters are drawn from, uniformly, and what mutated ones are limited to."""
+
+    low: Float[np.ndarray, "gene"]
+    high: Float[np.ndarray, "gene"]
+    lowest: Float[np.ndarray, "gene"]
+    highest: Float[np.ndarray, "gene"]
+
+
+class Controller(eqx.Module):
+    """A law of control with its parameters left open."""
+
+    voxels: eqx.AbstractVar[int]
+
+    @property
+    @abstractmethod
+    def ranges(self) -> Ranges:
+        """Of each parameter."""
+
+    @abstractmethod
+    def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
+        """The law with these parameters."""
+
+    @property
+    def genes(self) -> int:
+        """How many parameters there are."""
+        return len(self.ranges.low)
+
+
+class NonSensing(Controller):
+    """Every voxel swings about a size of its own with a phase of its own (eq. 5.1).
+
+    Parameters: s_1, phi_1, ..., s_n, phi_n.  With v the size gene, g = 1 + 0.1 v, and
+    sine = sin(2 pi f k dt + phi), the scale is
+
+    - "shrink_limited": g + 0.1 sine min(1, 1 + (g - 1) / 0.1), as in the original program: voxels
+      smaller than at rest swing less;
+    - "plain": g + 0.1 sine, eq. 5.1 as printed.
+    """
+
+    voxels: int = eqx.field(static=True)
+    actuation: Actuation = eqx.field(static=True, default="shrink_limited")
+    swing: Number = eqx.field(default=SWING, converter=jnp.asarray)
+
+    @property
+    def ranges(self) -> Ranges:
+        """Sizes in [-1, 1], always; phases in [-pi, pi] at first."""
+        bounds = np.tile([1.0, np.pi], self.voxels)
+        limits = np.tile([1.0, np.inf], self.voxels)
+        return Ranges(-bounds, bounds, -limits, limits)
+
+    def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
+        """Sine waves about each voxel's size."""
+        genes = parameters.reshape(self.voxels, 2, *parameters.shape[1:])
+        size, phase = genes[:, 0], genes[:, 1]
+        swing = self.swing * jnp.ones_like(size)
+        if self.actuation == "shrink_limited":
+            swing = swing * jnp.minimum(1.0, 1 + size)
+        # sin(t + phi) = sin t cos phi + cos t sin phi: what does not change is computed once
+        resting, sine, cosine = (
+            1 + self.swing * size,
+            swing * jnp.cos(phase),
+            swing * jnp.sin(phase),
+        )
+
+        def scales(sensors: Sensors) -> Float[Array, "voxel *batch"]:
+            return resting + sensors.clock[0] * sine + sensors.clock[1] * cosine
+
+        return scales
+
+
+class Sensing(Controller):
+    """A network from all voxels' sensors and a sine wave to all voxels' scales (eqs. 5.2, 5.3).
+
+    Inputs s_1, |v_1|, |v'_1|, ..., s_n, |v_n|, |v'_n|, sin(2 pi f k dt); h = round(0.65 n) hidden
+    units, ReLU; no biases.  Parameters: the (3 n + 1) h weights of the hidden units, input by
+    input, then the h n weights of the outputs, hidden unit by hidden unit.  With o an output, the
+    scale is
+
+    - "tanh": 1 + 0.1 tanh(o), as eq. 5.2 asks of an output in [-1, 1];
+    - "unbounded": 1 + 0.1 o, limited only to [0.25, 1.1].
+    """
+
+    voxels: int = eqx.field(static=True)
+    output: Output = eqx.field(static=True, default="tanh")
+    swing: Number = eqx.field(default=SWING, converter=jnp.asarray)
+
+    @property
+    def inputs(self) -> int:
+        """Sensors of all voxels, and the sine wave."""
+        return PER_VOXEL * self.voxels + 1
+
+    @property
+    def hidden(self) -> int:
+        """Hidden units."""
+        return round(HIDDEN_PER_VOXEL * self.voxels)
+
+    @property
+    def ranges(self) -> Ranges:
+        """Weights in [-1, 1] at first, without limits later."""
+        bounds = np.ones((self.inputs + self.voxels) * self.hidden)
+        limits = np.inf * bounds
+        return Ranges(-bounds, bounds, -limits, limits)
+
+    def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
+        """The network with these weights."""
+        batch = parameters.shape[1:]
+        split = self.inputs * self.hidden
+        inward = parameters[:split].reshape(self.inputs, self.hidden, *batch)
+        outward = parameters[split:].reshape(self.hidden, self.voxels, *batch)
+
+        def scales(sensors: Sensors) -> Float[Array, "voxel *batch"]:
+            voxels = jnp.stack([sensors.scale, sensors.speed, sensors.acceleration], 1)
+            seen = voxels.reshape(-1, *batch)
+            hidden = jax.nn.relu(
+                (inward[:-1] * seen[:, None]).sum(0) + inward[-1] * sensors.clock[0]
+            )
+            output = (outward * hidden[:, None]).sum(0)
+            if self.output == "tanh":
+                return 1 + self.swing * jnp.tanh(output)
+            return jnp.clip(1 + self.swing * output, LEAST, GREATEST)
+
+        return scales
+
+
+def policy(
+    controller: Controller, parameters: Float[Array, "gene"], edge: Number, role: str = "robot"
+) -> Policy:
+    """A controller as a policy of the world, from observations to edges in metres.
+
+    Args:
+        controller: the law.
+        parameters: of one robot.
+        edge: at rest, in metres.
+        role: whom it plays.
+
+    """
+    drive = controller.drive(parameters)
+
+    def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+        del key
+        return {role: jax.vmap(lambda seen: edge * drive(unflatten(seen)))(observation[role])}
+
+    return act

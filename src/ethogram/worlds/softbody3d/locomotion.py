@@ -1,0 +1,110 @@
+"""Many robots of one body through one simulation: how far each gets.
+
+`travel` is the one way from controllers to distances, and the place of a faster one: it takes
+arrays (the body's indices, numbers of the material, parameters with robots side by side, gravity
+step by step) and returns arrays, and nothing between depends on how the steps are taken.  A kernel
+written by hand for a processor would take the place of `_simulate`.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jaxtyping import Bool, Float
+
+from ethogram.core.errors import InvalidSettings
+from ethogram.physics.beams3d import State, at_rest, centre
+from ethogram.worlds.softbody3d.controllers import Controller
+from ethogram.worlds.softbody3d.world import SoftBody3D
+
+VOXELS_AT_ONCE = 2048  # of all robots side by side: more leave the cache
+
+
+class Journey(eqx.Module):
+    """What became of each robot."""
+
+    distance: Float[Array, "robot"]  # m along +x, of the centre of mass; not a number if broken
+    broken: Bool[Array, "robot"]
+    seen: Any  # what `watch` saw, with samples as leading axis, then its own, robots last
+
+
+def travel(
+    world: SoftBody3D,
+    controller: Controller,
+    parameters: Float[Array, "gene robot"],
+    gravity: Float[Array, "step 3 *robot"],
+    *,
+    watch: Callable[[State], Any] | None = None,
+    every: int | None = None,
+) -> Journey:
+    """Let robots move for as many steps as gravity is given for.
+
+    No robot harms another: one that breaks (a strain beyond 100, or something not finite) is
+    flagged, and the others go on as if it were not there.  Robots are simulated some hundreds at a
+    time, so that their state stays in the processor's cache.
+
+    Args:
+        world: the body and its surroundings.
+        controller: the law of control, the same for all.
+        parameters: one column per robot.
+        gravity: acceleration (m/s^2) at each step, as `gravity.schedule` makes it: the same for
+            all robots, or one each.
+        watch: what to look at, of the state of all robots; robots are the last axis.  None looks
+            at nothing.
+        every: how many steps between two looks; the first is before the first step.
+
+    Raises:
+        InvalidSettings: the steps are not a whole number of looks.
+
+    """
+    every = every or len(gravity)
+    if len(gravity) % every:
+        raise InvalidSettings(f"every = {every}: it should divide the {len(gravity)} steps.")
+    robots = parameters.shape[-1]
+    chunks = -(-robots * world.lattice.voxels // VOXELS_AT_ONCE)
+    if chunks == 1:
+        return _simulate(world, controller, parameters, gravity, watch, every)
+    size = -(-robots // chunks)
+
+    def part(values: Array) -> Array:
+        room = [(0, 0)] * (values.ndim - 1) + [(0, chunks * size - robots)]
+        filled = jnp.pad(values, room, mode="edge")
+        return jnp.moveaxis(filled.reshape(*values.shape[:-1], chunks, size), -2, 0)
+
+    def simulate(each: tuple[Array, Array | None]) -> Journey:
+        columns, own = each
+        return _simulate(world, controller, columns, gravity if own is None else own, watch, every)
+
+    own = part(gravity) if gravity.ndim > 2 else None
+    found = lax.map(simulate, (part(parameters), own))
+    return jax.tree.map(
+        lambda leaf: jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :robots], found
+    )
+
+
+def _simulate(
+    world: SoftBody3D,
+    controller: Controller,
+    parameters: Float[Array, "gene robot"],
+    gravity: Float[Array, "step 3 *robot"],
+    watch: Callable[[State], Any] | None,
+    every: int,
+) -> Journey:
+    drive = controller.drive(parameters)
+    start = at_rest(world.lattice, world.material, parameters.shape[1:])
+
+    def advance(state: State, pull: Float[Array, "3 *robot"]) -> tuple[State, None]:
+        edge = world.material.edge * drive(world.sense(state))
+        return world.move(state, edge, pull), None
+
+    def look(state: State, pulls: Float[Array, "every 3 *robot"]) -> tuple[State, Any]:
+        seen = None if watch is None else watch(state)
+        state, _ = lax.scan(advance, state, pulls)
+        return state, seen
+
+    end, seen = lax.scan(look, start, gravity.reshape(-1, every, *gravity.shape[1:]))
+    gone = (centre(world.lattice, end) - centre(world.lattice, start))[0]
+    return Journey(jnp.where(end.broken, jnp.nan, gone), end.broken, seen)

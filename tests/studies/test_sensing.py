@@ -1,0 +1,201 @@
+import dataclasses
+
+import hypothesis.strategies as st
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
+
+from ethogram.campaign.context import Context
+from ethogram.core.errors import InvalidSettings, TooLarge
+from ethogram.core.scene import Scene
+from ethogram.studies import sensing as study
+from ethogram.studies.sensing import compute
+from ethogram.studies.sensing.plan import Settings, condition_of, controller_of, world_of
+from ethogram.worlds.softbody3d.gravity import program, schedule
+from ethogram.worlds.softbody3d.locomotion import travel
+
+# one case of the smoke plan, small; in all tests the same shapes, hence few compiled programs
+SMALL = {"world.steps": 50, "world.body": "worm", "law": "unbounded", "surface": "uneven"}
+ONE = [f"{key}={value}" for key, value in SMALL.items()]
+
+
+class Remembering(Context):
+    """A context that begins with a checkpoint, if given one, and keeps those that are made."""
+
+    def __init__(self, found=None):
+        super().__init__()
+        self.found, self.saved = found, []
+
+    def restore(self):
+        return self.found and dict(self.found)
+
+    def checkpoint(self, make):
+        self.saved.append({name: array.copy() for name, array in make().items()})
+
+
+def cases(plan, *changes):
+    return study.cases(study.PLANS[plan].override(changes))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _checkpoint_after_every_generation():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compute, "CHUNK_VOXEL_STEPS", 0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def ran():
+    """A case that was run, what it left behind, and its checkpoints."""
+    (case,) = cases("smoke", *ONE)
+    context = Remembering()
+    return case, study.run(case, context), context.saved
+
+
+def test_the_thesis_plan_is_section_5_4():
+    found = cases("thesis")
+    conditions = {condition_of(case.parsed(Settings)) for case in found}
+    assert len(found) == len(conditions) == len({case.name for case in found}) == 18
+    assert {(at.controller, at.law) for at in conditions} == {
+        ("non-sensing", "shrink_limited"),
+        ("sensing", "tanh"),
+        ("sensing", "unbounded"),
+    }
+    evaluations = 0
+    for case in found:
+        chosen = case.parsed(Settings)
+        learner = chosen.learner
+        assert (chosen.trials, chosen.generations, chosen.world.steps) == (30, 200, 10_000)
+        assert (learner.population, learner.mutation_probability) == (30, None)
+        assert (learner.mutation_scale, chosen.world.frequency) == (1.0, 40.0)
+        evaluations = learner.population + chosen.generations * (learner.population + 1)
+    assert evaluations == 6230
+
+
+def test_a_record_holds_what_the_pages_need(ran):
+    case, record, _ = ran
+    results, settings = record["results"], case.parsed(Settings)
+    assert dict(results.sizes) == {
+        "trial": settings.trials,
+        "generation": settings.generations + 1,
+        "gene": 51,
+        "scenario": 4,
+        "axis": 2,
+        "sample": 2,
+    }
+    assert list(results.scenario.values) == ["fitness", "flat", "step", "sin"]
+    assert results.attrs["layers"] == "####"
+    assert (np.diff(results.fitness.values, axis=1) >= 0).all(), "the best is never lost"
+    assert np.isfinite(results.distance.values).all()
+    scene = Scene.from_dataset(record["scene"])
+    assert scene.position.shape == (2, 4, 3)
+
+
+def test_the_best_travels_its_fitness_when_it_is_simulated_again(ran):
+    case, record, _ = ran
+    results = record["results"]
+    last = results.fitness.values[:, -1]
+    np.testing.assert_allclose(results.distance.sel(scenario="fitness"), last, rtol=1e-3)
+
+
+def test_distances_and_paths_are_those_of_the_stored_genomes(ran):
+    case, record, _ = ran
+    results, settings = record["results"], case.parsed(Settings)
+    world, controller = world_of(settings), controller_of(settings)
+    for name, gravity in (("flat", "flat"), ("fitness", "evolution")):
+        alone = travel(
+            world,
+            controller,
+            jnp.asarray(results.genome.values.T),
+            schedule(program(gravity), settings.world.steps),
+        )
+        found = results.distance.sel(scenario=name)
+        np.testing.assert_allclose(found, alone.distance, rtol=1e-3, atol=1e-8)
+    rest = results.path.sel(scenario="flat").isel(sample=0)
+    np.testing.assert_allclose(rest.sel(axis="x"), 0.02, rtol=1e-6)  # the middle of 40 mm
+    np.testing.assert_allclose(rest.sel(axis="z"), 0.005, rtol=1e-6)
+
+
+@pytest.mark.parametrize("generation", [0, 1])
+def test_a_run_taken_up_from_any_checkpoint_ends_with_the_same_bytes(ran, generation):
+    case, record, saved = ran
+    again = study.run(case, Remembering(saved[generation]))
+    for name, array in record["results"].data_vars.items():
+        np.testing.assert_array_equal(again["results"][name].values, array.values)
+
+
+def test_what_does_not_fit_in_memory_is_refused_with_its_size():
+    (case,) = cases("smoke", *ONE, "trials=100000", "learner.population=100000")
+    with pytest.raises(TooLarge, match="worm"):
+        study.run(case, Context())
+
+
+def test_the_steps_between_two_records_must_divide_the_steps():
+    with pytest.raises(InvalidSettings, match=r"record_every.*7.*50"):
+        cases("smoke", *ONE, "record_every=7")
+
+
+def test_a_body_that_falls_apart_is_refused_before_anything_runs():
+    with pytest.raises(InvalidSettings, match="world.body|parts|connected"):
+        cases("smoke", "world.body=#.#")
+
+
+def test_the_work_of_a_case_grows_with_what_it_does():
+    (small,), (more,) = cases("smoke", *ONE), cases("smoke", *ONE, "generations=2000")
+    assert study.cost(more).seconds > 5 * (study.cost(small).seconds - compute.COMPILE_SECONDS)
+
+
+NUMBERS = {
+    "generations": st.integers(1, 2),
+    "learner.mutation_scale": st.floats(0.0, 10.0),
+    "learner.mutation_probability": st.floats(0.0, 1.0),
+    "world.frequency": st.floats(0.0, 1000.0),
+    "material.elastic_modulus": st.floats(1e4, 1e8),
+    "material.poisson_ratio": st.floats(-0.9, 0.5),
+    "material.static_friction": st.floats(0.0, 10.0),
+    "material.global_damping": st.floats(0.0, 0.2),
+    "seed": st.integers(0, 2**32 - 1),
+}
+SHAPES = st.fixed_dictionaries(
+    {},
+    optional={
+        "world.body": st.sampled_from(["worm", "#", "##/#."]),
+        "law": st.sampled_from(["plain", "tanh"]),
+        "learner.population": st.integers(1, 3),
+        "trials": st.integers(1, 2),
+    },
+)
+ODD = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(2**40), 2**40),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8),
+)
+KEYS = (*NUMBERS, *SMALL, "record_every", "trials", "learner.population", "material.mass")
+
+
+def test_drawn_settings_run_or_are_refused_with_a_message(capsys):
+    valid = drawn(st.just({}), NUMBERS)
+    outcomes = fuzz(
+        "sensing", SMALL, valid, misdrawn(KEYS, ODD), 8, capsys, then="claims", messages=MESSAGES
+    )
+    assert outcomes["ran"] >= 2
+
+
+@pytest.mark.slow
+def test_many_drawn_settings_run_or_are_refused_with_a_message(capsys):
+    valid = drawn(SHAPES, NUMBERS)
+    outcomes = fuzz("sensing", SMALL, valid, misdrawn(KEYS, ODD), 60, capsys, then="report")
+    assert outcomes["ran"] >= 20
+    assert outcomes["refused"] >= 5
+
+
+@pytest.mark.slow
+def test_the_worm_learns_to_crawl_as_far_as_the_thesis_says():
+    """Table 5.2: 146 mm, non-sensing, after 200 generations; within 40 mm, mean of five runs."""
+    (case,) = cases("thesis", "world.body=worm", "law=shrink_limited", "surface=even", "trials=5")
+    fitness = study.run(case, Context())["results"].fitness.values[:, -1]
+    assert abs(fitness.mean() * 1000 - 146) < 40
+    assert dataclasses.asdict(case.parsed(Settings))["generations"] == 200

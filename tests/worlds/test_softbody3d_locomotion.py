@@ -1,0 +1,89 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.rollout import rollout
+from ethogram.physics.beams3d import centre
+from ethogram.worlds.softbody3d import SoftBody3D, locomotion
+from ethogram.worlds.softbody3d.controllers import NonSensing, Sensing, policy
+from ethogram.worlds.softbody3d.gravity import program, schedule
+from ethogram.worlds.softbody3d.locomotion import Journey, travel
+
+STEPS, ROBOTS = 40, 5
+
+
+@pytest.fixture(scope="module")
+def world():
+    return SoftBody3D(body="####", steps=STEPS)
+
+
+@pytest.fixture(scope="module")
+def genes():
+    return jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (51, ROBOTS)), jnp.float32)
+
+
+@pytest.fixture(scope="module")
+def even():
+    return schedule(program("even"), STEPS)
+
+
+def journey(world, genes, gravity, every=None) -> Journey:
+    def watch(state):
+        return centre(world.lattice, state) if every else None
+
+    go = eqx.filter_jit(travel)
+    return go(world, Sensing(4), genes, gravity, watch=watch, every=every)
+
+
+def test_the_fast_way_is_the_worlds_own_way(world, genes, even):
+    """A rollout of the world, its rewards summed, gives each robot's distance."""
+    found = journey(world, genes, even)
+
+    @jax.jit
+    def played(parameters):
+        drive = policy(Sensing(4), parameters, world.material.edge)
+        _, steps = rollout(world, drive, jax.random.key(0), STEPS)
+        return steps.outcome.reward["robot"].sum()
+
+    alone = [played(genes[:, robot]) for robot in range(ROBOTS)]
+    assert np.abs(alone).max() > 1e-5
+    np.testing.assert_allclose(found.distance, alone, rtol=2e-3, atol=2e-8)
+
+
+def test_robots_simulated_in_parts_go_as_far_as_all_at_once(world, genes, even, monkeypatch):
+    together = journey(world, genes, even, every=10)
+    monkeypatch.setattr(locomotion, "VOXELS_AT_ONCE", 8)
+    parted = journey(world, genes, even, every=10)
+    np.testing.assert_allclose(parted.distance, together.distance, rtol=1e-4, atol=1e-8)
+    np.testing.assert_allclose(parted.seen, together.seen, atol=1e-7)
+    assert parted.seen.shape == (4, 3, ROBOTS)
+
+
+def test_each_robot_may_have_a_gravity_of_its_own(world, genes, monkeypatch):
+    programs = ["flat", "step", "sin", "evolution", "even"]
+    schedules = [schedule(program(name), STEPS) for name in programs]
+    apart = [journey(world, genes[:, :1], gravity).distance[0] for gravity in schedules]
+    same = jnp.tile(genes[:, :1], (1, ROBOTS))
+    for at_once in (2048, 8):
+        monkeypatch.setattr(locomotion, "VOXELS_AT_ONCE", at_once)
+        together = journey(world, same, jnp.stack(schedules, -1)).distance
+        np.testing.assert_allclose(together, apart, rtol=1e-3, atol=1e-8)
+    assert len({round(float(distance), 9) for distance in apart}) == ROBOTS
+
+
+def test_a_broken_robot_has_no_distance_and_the_others_keep_theirs(world, even):
+    genes = jnp.zeros((8, 3))
+    sound = eqx.filter_jit(travel)(world, NonSensing(4), genes, even)
+    genes = genes.at[0, 1].set(jnp.nan)
+    found = eqx.filter_jit(travel)(world, NonSensing(4), genes, even)
+    np.testing.assert_array_equal(found.broken, [False, True, False])
+    np.testing.assert_array_equal(jnp.isnan(found.distance), found.broken)
+    np.testing.assert_array_equal(found.distance[::2], sound.distance[::2])
+
+
+def test_looks_must_divide_the_steps(world, genes, even):
+    with pytest.raises(InvalidSettings, match="every = 7: it should divide the 40 steps"):
+        travel(world, Sensing(4), genes, even, every=7)
