@@ -121,6 +121,32 @@ def difference(a: Trials, b: Trials, scale: float = 1.0) -> Terms:
     return ((1.0, a), (-scale, b))
 
 
+def contributions(statistic: Callable[..., float], *samples: Floats) -> list[Floats]:
+    """A statistic of several samples as a sum of means over their trials (Tukey, 1958).
+
+    What is no mean (a silhouette, a ratio) becomes terms of a part: one number per trial, the
+    jackknife's pseudo-value about the statistic of all trials, in the first sample together with
+    that statistic itself.  Their means add up to it, and their variances to the jackknife's.  Of a
+    mean, they are the values themselves; of a difference of means, those of the first sample less
+    the other's mean, and those of the other about its mean, negative.
+
+    `statistic` takes the samples, each with trials on its first axis, and must be smooth: the
+    variance of a median or of a count is not found in this way.
+    """
+    whole = statistic(*samples)
+    found = []
+    for place, sample in enumerate(samples):
+        without = np.array(
+            [
+                statistic(*samples[:place], np.delete(sample, trial, axis=0), *samples[place + 1 :])
+                for trial in range(len(sample))
+            ]
+        )
+        found.append((len(sample) - 1) * (without.mean() - without))
+    found[0] = found[0] + whole
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
 class Part:
     """What a claim says of one setting: where an effect lies relative to a margin.

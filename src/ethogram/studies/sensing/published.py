@@ -1,7 +1,7 @@
 """What the thesis prints in chapter 5.
 
-Source: J. Talamini's doctoral thesis, tables 5.1 to 5.3.  It does not say how its network's
-outputs are mapped, so its numbers stand beside every law.
+Source: J. Talamini's doctoral thesis, tables 5.1 to 5.3.  It does not say by which
+function its network's outputs come to lie between -1 and 1, so its numbers stand beside every law.
 """
 
 # Table 5.2, even surface: fitness in mm by morphology and controller, mean and standard deviation
@@ -85,6 +85,11 @@ PARAMETERS: tuple[tuple[str, str, str, str], ...] = (
     ("n_pop", "individuals", "30", "as printed; a generation adds 30 mutants and a newcomer"),
     ("n_gen", "generations", "200", "as printed, after the first population"),
     ("p_mut", "mutation probability", "1 / |θ|", "per parameter"),
-    ("σ_mut", "mutation deviation", "1", "sizes scaled to [-1, 1] and limited to it, radians"),
+    (
+        "σ_mut",  # noqa: RUF001
+        "deviation of a mutation",
+        "1",
+        "of sizes that are scaled to [-1, 1] and limited to it, phases in radians, weights",
+    ),
     ("n_sim", "steps of a simulation", "10 000", "as printed, with no time to settle"),
 )
