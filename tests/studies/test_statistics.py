@@ -15,6 +15,7 @@ from ethogram.studies.statistics import (
     Side,
     Trials,
     bootstrap_interval,
+    contributions,
     difference,
     holm,
     judge,
@@ -176,6 +177,48 @@ def test_a_difference_of_differences_adds_four_variances():
     assert claim.effect == pytest.approx(
         a.values.mean() - b.values.mean() - c.values.mean() + d.values.mean()
     )
+
+
+# Statistics that are no means
+
+
+def test_contributions_to_a_mean_are_the_values_and_to_a_difference_those_about_the_means():
+    a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
+    (alone,) = contributions(np.mean, a)
+    np.testing.assert_allclose(alone, a)
+    first, second = contributions(lambda a, b: a.mean() - b.mean(), a, b)
+    np.testing.assert_allclose(first, a - 4.0)
+    np.testing.assert_allclose(second, [1.0, -1.0])
+
+
+def test_contributions_to_a_product_of_means_are_those_worked_by_hand():
+    # The product is 3 * 4 = 12; without a trial of the first, the mean is 4, 3.5 or 1.5.
+    a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
+    first, second = contributions(lambda a, b: a.mean() * b.mean(), a, b)
+    np.testing.assert_allclose(first, 12 + 2 * (np.mean([16, 14, 6]) - [16, 14, 6]))
+    np.testing.assert_allclose(second, [-3.0, 3.0])
+    assert first.mean() + second.mean() == pytest.approx(12)
+
+
+def test_a_part_of_contributions_has_the_error_of_the_statistic():
+    """The mean distance between runs: every run is in many pairs, and its error is the double."""
+
+    def between(values):
+        return np.abs(values[:, None] - values).sum() / (len(values) * (len(values) - 1))
+
+    rng, found, errors = np.random.default_rng(0), [], []
+    for _ in range(400):
+        values = rng.normal(size=25)
+        (each,) = contributions(between, values)
+        found.append(each.mean())
+        errors.append(each.std(ddof=1) / 5)
+    assert np.mean(errors) == pytest.approx(np.std(found), rel=0.1)
+
+
+def test_rows_of_a_sample_are_left_out_whole():
+    rows = np.arange(12.0).reshape(4, 3)
+    (found,) = contributions(lambda rows: rows.mean(), rows)
+    np.testing.assert_allclose(found, rows.mean(1))
 
 
 # Effects without spread

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from ethogram.core.settings import Number
+
 LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
 ROUNDING = 1e-4  # by how much a sum of 32-bit weights may miss 1
 
@@ -66,10 +68,10 @@ class Simplex:
 
 @dataclass(frozen=True)
 class Box:
-    """Real arrays of a shape, between two bounds."""
+    """Real arrays of a shape, between two bounds; arrays where these are swept."""
 
-    low: float
-    high: float
+    low: Number
+    high: Number
     shape: tuple[int, ...]
     used: Array | None = field(default=None, compare=False)  # Bool[shape]
 

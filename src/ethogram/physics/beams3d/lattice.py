@@ -89,11 +89,11 @@ def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
     pairs = _pairs(len(order), ends[:, :2])
     voxels = len(order)
     return Lattice(
-        cell=jnp.asarray(np.array(order)),
+        cell=jnp.asarray(np.array(order), jnp.int32),
         used=jnp.ones(voxels, bool),
         first=_ends(ends[:, 0], voxels),
         second=_ends(ends[:, 1], voxels),
-        axis=jnp.asarray(ends[:, 2]),
+        axis=jnp.asarray(ends[:, 2], jnp.int32),
         left=_ends(pairs[:, 0], voxels),
         right=_ends(pairs[:, 1], voxels),
     )
@@ -147,7 +147,7 @@ def _ends(voxel: Int[np.ndarray, "item"], voxels: int) -> Ends:
     items = np.full((slots, voxels), len(voxel))
     for v, found in enumerate(ending):
         items[: len(found), v] = found
-    return Ends(jnp.asarray(voxel), jnp.asarray(items))
+    return Ends(jnp.asarray(voxel, jnp.int32), jnp.asarray(items, jnp.int32))
 
 
 def _pairs(voxels: int, bonds: Int[np.ndarray, "bond 2"]) -> Int[np.ndarray, "pair 2"]:

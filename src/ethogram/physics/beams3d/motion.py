@@ -39,7 +39,8 @@ def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -
         batch: the axes of a batch of robots, all alike.
 
     """
-    lift = (lattice.cell.T + 0.5) * material.edge
+    edge = jnp.asarray(material.edge, float)  # not weakly typed, as no later state is
+    lift = (lattice.cell.T + 0.5) * edge
     lift = jnp.broadcast_to(lift.reshape(lift.shape + (1,) * len(batch)), lift.shape + batch)
     still = jnp.zeros_like(lift)
     bonds = (lattice.bonds, *batch)
@@ -49,7 +50,7 @@ def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -
         momentum=still,
         angular_momentum=still,
         force=still,
-        edge=jnp.broadcast_to(material.edge, lift.shape[1:]),
+        edge=jnp.broadcast_to(edge, lift.shape[1:]),
         strain=jnp.zeros_like(lift, shape=bonds),
         memory=Memory(jnp.ones(bonds, bool), jnp.zeros_like(lift, shape=(9, *bonds))),
         steps=jnp.int32(0),

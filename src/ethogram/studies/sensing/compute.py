@@ -33,7 +33,7 @@ from ethogram.worlds.softbody3d.gravity import program, schedule
 from ethogram.worlds.softbody3d.locomotion import Journey, travel
 from ethogram.worlds.softbody3d.scene import Pose, pose, record
 
-VOXEL_STEPS_PER_SECOND = 8e6  # one core of an ordinary machine; see benchmarks
+VOXEL_STEPS_PER_SECOND = 5e6  # one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 12.0
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store

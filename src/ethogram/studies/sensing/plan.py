@@ -76,8 +76,8 @@ PLANS = {
     ),
     "quick": Plan(
         name="quick",
-        description="All conditions, in five runs of ten generations.",
-        settings=Settings(generations=10, trials=5),
+        description="All conditions, in six runs of ten generations.",
+        settings=Settings(generations=10, trials=6),
         grid=_ALL,
     ),
     "excerpt": Plan(

@@ -20,7 +20,9 @@ from ethogram.physics.beams3d import State, at_rest, centre
 from ethogram.worlds.softbody3d.controllers import Controller
 from ethogram.worlds.softbody3d.world import SoftBody3D
 
-VOXELS_AT_ONCE = 2048  # of all robots side by side: more leave the cache
+ABREAST = 96  # robots simulated side by side
+VOXELS_ABREAST = 2048  # at most, where that leaves 16 robots: the state of more leaves the cache
+LANES = 16  # numbers that a processor takes at a time: the least robots abreast
 
 
 class Journey(eqx.Module):
@@ -39,12 +41,15 @@ def travel(
     *,
     watch: Callable[[State], Any] | None = None,
     every: int | None = None,
+    abreast: int | None = None,
 ) -> Journey:
     """Let robots move for as many steps as gravity is given for.
 
     No robot harms another: one that breaks (a strain beyond 100, or something not finite) is
-    flagged, and the others go on as if it were not there.  Robots are simulated some hundreds at a
-    time, so that their state stays in the processor's cache.
+    flagged, and the others go on as if it were not there.  Robots are simulated in blocks, the last
+    one filled up with copies: so their state stays in the processor's cache, and where a robot goes
+    does not depend, to the last bit, on how many others there are, which one it is, or who watches.
+    Blocks of another size are rounded otherwise, and a sensing robot then soon goes another way.
 
     Args:
         world: the body and its surroundings.
@@ -55,24 +60,25 @@ def travel(
         watch: what to look at, of the state of all robots; robots are the last axis.  None looks
             at nothing.
         every: how many steps between two looks; the first is before the first step.
+        abreast: robots in a block; None leaves it to the body.  Fewer are faster for a lone robot.
 
     Raises:
-        InvalidSettings: the steps are not a whole number of looks.
+        InvalidSettings: the steps are not a whole number of looks, or no robot is in a block.
 
     """
     every = every or len(gravity)
     if len(gravity) % every:
         raise InvalidSettings(f"every = {every}: it should divide the {len(gravity)} steps.")
+    width = _fitting(world) if abreast is None else abreast
+    if width < 1:
+        raise InvalidSettings(f"abreast = {width}: it should be at least 1.")
     robots = parameters.shape[-1]
-    chunks = -(-robots * world.lattice.voxels // VOXELS_AT_ONCE)
-    if chunks == 1:
-        return _simulate(world, controller, parameters, gravity, watch, every)
-    size = -(-robots // chunks)
+    blocks = -(-robots // width)
 
     def part(values: Array) -> Array:
-        room = [(0, 0)] * (values.ndim - 1) + [(0, chunks * size - robots)]
+        room = [(0, 0)] * (values.ndim - 1) + [(0, blocks * width - robots)]
         filled = jnp.pad(values, room, mode="edge")
-        return jnp.moveaxis(filled.reshape(*values.shape[:-1], chunks, size), -2, 0)
+        return jnp.moveaxis(filled.reshape(*values.shape[:-1], blocks, width), -2, 0)
 
     def simulate(each: tuple[Array, Array | None]) -> Journey:
         columns, own = each
@@ -83,6 +89,12 @@ def travel(
     return jax.tree.map(
         lambda leaf: jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :robots], found
     )
+
+
+def _fitting(world: SoftBody3D) -> int:
+    """How many robots of a body to simulate side by side: a whole number of `LANES`."""
+    fitting = VOXELS_ABREAST // world.lattice.voxels // LANES * LANES
+    return max(LANES, min(ABREAST, fitting))
 
 
 def _simulate(

@@ -91,8 +91,7 @@ class SoftBody3D(World):
         """One robot: sensors in, edges (m) out."""
         voxels = len(self.cells)
         seen = Box(-np.inf, np.inf, (PER_VOXEL * voxels + CLOCK,))
-        edges = float(self.shortest * self.material.edge), float(self.longest * self.material.edge)
-        return {ROLE: Role(1, seen, Box(*edges, (voxels,)))}
+        return {ROLE: Role(1, seen, Box(*self._edges, (voxels,)))}
 
     @property
     def horizon(self) -> int:
@@ -140,8 +139,12 @@ class SoftBody3D(World):
         gravity: Float[Array, "3 ..."],
     ) -> State:
         """Limit the edges commanded (m) and let the physics take a step; for batches, too."""
-        limits = self.shortest * self.material.edge, self.longest * self.material.edge
-        return step(self.lattice, self.material, state, jnp.clip(edge, *limits), gravity)
+        return step(self.lattice, self.material, state, jnp.clip(edge, *self._edges), gravity)
+
+    @property
+    def _edges(self) -> tuple[Number, Number]:
+        """The shortest and the longest edge that can be commanded (m)."""
+        return self.shortest * self.material.edge, self.longest * self.material.edge
 
 
 @cache

@@ -1,0 +1,216 @@
+"""The measures of the chapter, one number per run, taken from stored records.
+
+Distances are in mm.  A run whose best robot broke has no finite distance: means leave it out,
+tables say so, and a claim that needs it is left undecided.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from scipy.stats import mannwhitneyu
+
+from ethogram.campaign.study import Records
+from ethogram.core.findings import Measured
+from ethogram.learners.evolution import WORST
+from ethogram.studies.sensing.behaviour import Behaviours, behaviours
+from ethogram.studies.sensing.condition import (
+    MORPHOLOGIES,
+    NON_SENSING_LAWS,
+    OUTPUTS,
+    Condition,
+)
+from ethogram.studies.statistics import Trials, bootstrap_interval
+
+Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
+
+FITNESS = "fitness"  # the scenario of evolution
+VALIDATION = ("flat", "step", "sin")
+SCENARIOS = {"even": (FITNESS,), "uneven": (FITNESS, *VALIDATION)}
+MILLIMETRES = 1000.0  # in a metre
+
+
+class Results(NamedTuple):
+    """The stored results, and what the robots looked like, by condition."""
+
+    by_condition: dict[Condition, xr.Dataset]
+    scenes: dict[Condition, xr.Dataset]
+
+    @classmethod
+    def of(cls, records: Records) -> "Results":
+        """Results by the condition that they say they are of, in the order of the tables."""
+        found = {_condition(groups["results"].attrs): groups for groups in records.values()}
+        voxels = {at: int(groups["results"].attrs["voxels"]) for at, groups in found.items()}
+        run = sorted(found, key=lambda at: _place(at, voxels[at]))
+        return cls(
+            {at: found[at]["results"] for at in run},
+            {at: found[at]["scene"] for at in run if "scene" in found[at]},
+        )
+
+    @property
+    def bodies(self) -> list[str]:
+        """Of which anything was run."""
+        return list(dict.fromkeys(at.body for at in self.by_condition))
+
+    def on(self, surface: str) -> list[Condition]:
+        """The conditions that were run on a surface."""
+        return [at for at in self.by_condition if at.surface == surface]
+
+    def kinds(self, body: str, surface: str) -> list[Condition]:
+        """The controllers that a body was run with on a surface and that moved it comparably.
+
+        Behaviours can be compared if their paths were sampled at the same times; those that were
+        not as the first was are left out.
+        """
+        run = [at for at in self.on(surface) if at.body == body]
+        return [at for at in run if self._times(at) == self._times(run[0])]
+
+    def trials(self, measure: Measure, condition: Condition) -> Trials:
+        """One number per run of a condition, or word that it was not run."""
+        data = self.by_condition.get(condition)
+        return Trials(condition.words, None if data is None else measure(data).astype(float))
+
+    def behaviours(self, condition: Condition, scenario: str) -> Behaviours:
+        """How the best robots of a condition that was run move (mm), run by run."""
+        data = self.by_condition[condition]
+        path = data["path"].sel(scenario=scenario).transpose("trial", "axis", "sample")
+        return behaviours(MILLIMETRES * path.values.astype(float))
+
+    def comparable(self, one: Condition, other: Condition) -> bool:
+        """Whether two conditions were run and their paths sampled at the same times."""
+        both = {one, other} <= self.by_condition.keys()
+        return both and self._times(one) == self._times(other)
+
+    def least(self, attribute: str, conditions: Iterable[Condition]) -> int | None:
+        """The least number of generations or steps with which any of some conditions was run."""
+        run = [self.by_condition[at] for at in conditions if at in self.by_condition]
+        return min((int(data.attrs[attribute]) for data in run), default=None)
+
+    def _times(self, condition: Condition) -> list[float]:
+        times: list[float] = self.by_condition[condition]["sample"].values.tolist()
+        return times
+
+
+def distance(scenario: str) -> Measure:
+    """How far the best robot of each run goes (mm)."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return MILLIMETRES * data["distance"].sel(scenario=scenario).values.astype(float)
+
+    return measure
+
+
+def further(scenario: str, other: str) -> Measure:
+    """How much further the best robot of each run goes in one scenario than in another (mm)."""
+    one, two = distance(scenario), distance(other)
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return one(data) - two(data)
+
+    return measure
+
+
+def validated(*, above: bool) -> Measure:
+    """In how many validation scenarios a run's ratio of distance to fitness is above 1, or below.
+
+    Of a positive fitness, above 1 is to go further than the fitness; this is what is counted.
+    """
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        gained = np.stack([further(scenario, FITNESS)(data) for scenario in VALIDATION])
+        count = (gained > 0 if above else gained < 0).sum(0).astype(float)
+        return np.where(np.isfinite(gained).all(0), count, np.nan)
+
+    return measure
+
+
+def broken(data: xr.Dataset) -> int:
+    """Robots that broke, of all that were evaluated in evolution."""
+    return int(data["broken"].sum())
+
+
+def sound(trials: Trials) -> Trials:
+    """The runs that have a value; not run where none has."""
+    if trials.values is None:
+        return trials
+    kept = trials.values[np.isfinite(trials.values)]
+    return Trials(trials.name, kept if kept.size else None)
+
+
+def u_test(one: Trials, other: Trials) -> float | None:
+    """Two-sided p of Mann and Whitney's U test over runs; None with fewer than two on a side.
+
+    Exact for few runs without ties, as SciPy chooses.
+    """
+    a, b = sound(one).values, sound(other).values
+    if a is None or b is None or min(a.size, b.size) < 2:
+        return None
+    return float(mannwhitneyu(a, b, alternative="two-sided").pvalue)
+
+
+def ratio(data: xr.Dataset, scenario: str, published: float | None = None) -> Measured | None:
+    """Mean distance in a validation scenario over mean fitness, with a bootstrap interval.
+
+    None where a robot did not go forward in evolution: a ratio would say nothing.
+    """
+    pairs = np.stack([distance(scenario)(data), distance(FITNESS)(data)], 1)
+    pairs = pairs[np.isfinite(pairs).all(1)]
+    if not pairs.size or (pairs[:, 1] <= 0).any():
+        return None
+
+    def of_means(samples: np.ndarray, axis: int = 0) -> np.ndarray:
+        mean = samples.mean(axis)
+        return mean[..., 0] / mean[..., 1]
+
+    low, high = bootstrap_interval(pairs, of_means)
+    value = float(of_means(pairs))
+    return Measured(value=value, low=float(low), high=float(high), published=published)
+
+
+def ratios_above_one(
+    datasets: Sequence[xr.Dataset], published: float | None = None
+) -> Measured | None:
+    """In how many cases, a data set in a validation scenario, the ratio of means is above 1.
+
+    The interval is by bootstrap: runs are drawn anew, in each data set on its own.
+    """
+    counts, drawn = [], []
+    for seed, data in enumerate(datasets):
+        gained = np.stack([further(scenario, FITNESS)(data) for scenario in VALIDATION], 1)
+        gained = gained[np.isfinite(gained).all(1)]
+        if not gained.size:
+            return None
+        counts.append((gained.mean(0) > 0).sum())
+        picks = np.random.default_rng(seed).integers(len(gained), size=(2000, len(gained)))
+        drawn.append((gained[picks].mean(1) > 0).sum(1))
+    if not counts:
+        return None
+    low, high = np.quantile(np.sum(drawn, 0), [0.025, 0.975])
+    return Measured(
+        value=float(np.sum(counts)), low=float(low), high=float(high), published=published
+    )
+
+
+def curve(data: xr.Dataset) -> Float[np.ndarray, "run generation"]:
+    """Best fitness (mm) of each generation, in the runs of which no whole population broke."""
+    best = data["fitness"].transpose("trial", "generation").values.astype(float)
+    kept: np.ndarray = MILLIMETRES * best[(np.isfinite(best) & (best > WORST)).all(1)]
+    return kept
+
+
+def _condition(attrs: Mapping[str, Any]) -> Condition:
+    """What results say that they are of."""
+    return Condition(*(str(attrs[name]) for name in ("body", "controller", "law", "surface")))
+
+
+def _place(at: Condition, voxels: int) -> tuple[int, int, int, str, int]:
+    """Where a condition stands in a table: the thesis' bodies first, the controllers in order."""
+    laws = (*NON_SENSING_LAWS, *OUTPUTS)
+    surface, body = _index(tuple(SCENARIOS), at.surface), _index(MORPHOLOGIES, at.body)
+    return surface, body, voxels, at.body, _index(laws, at.law)
+
+
+def _index(known: Sequence[str], name: str) -> int:
+    return known.index(name) if name in known else len(known)
