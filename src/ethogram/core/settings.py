@@ -57,9 +57,14 @@ def setting(
         return eqx.field(default=default, static=True, metadata={"setting": allowed}, **convert)
     return eqx.field(
         default=default,
-        converter=converter or jnp.asarray,
+        converter=converter or _swept,
         metadata={"setting": allowed, "checked by converter": converter is not None},
     )
+
+
+def _swept(value: Any) -> Any:
+    """An array; None, where a setting admits it, stays what it is."""
+    return value if value is None else jnp.asarray(value)
 
 
 @cache

@@ -62,9 +62,7 @@ class AgeFitness(eqx.Module):
     evaluate: Evaluate
     population: int = setting(30, Annotated[int, Field(ge=1, le=100_000)], static=True)
     mutation_probability: Number | None = setting(
-        None,
-        Annotated[float, Field(ge=0, le=1)] | None,
-        converter=lambda p: p if p is None else jnp.asarray(p),
+        None, Annotated[float, Field(ge=0, le=1)] | None
     )  # per gene; None is 1 / |theta|
     mutation_scale: Number = setting(1.0, Annotated[float, Field(ge=0)])  # sigma_mut
 

@@ -165,6 +165,6 @@ def _draw(panel: Axes, points: Map, framed: Map) -> None:
     panel.set(
         xlim=middle[0] + reach * np.array([-1, 1]), ylim=middle[1] + reach * np.array([-1, 1])
     )
-    panel.set(aspect="equal", adjustable="datalim", xticks=[], yticks=[])
+    panel.set(aspect="equal", adjustable="box", xticks=[], yticks=[])
     panel.spines[["top", "right"]].set_visible(True)
     panel.grid(visible=False)
