@@ -124,13 +124,15 @@ def test_newcomers_climb_out_of_a_trap_where_the_old_alone_do_not():
     small = learner(trap, genes, size=4, mutation_scale=0.01)
     keys = trial_keys(3, "evolution", 20)
     start = Population(
-        genome=jnp.full((20, 4, 1), 0.1), age=jnp.zeros((20, 4), int), fitness=jnp.full((20, 4), 0.7)
+        genome=jnp.full((20, 4, 1), 0.1),
+        age=jnp.zeros((20, 4), int),
+        fitness=jnp.full((20, 4), 0.7),
     )
     end = train(small, keys, start, 60, chunk=60, after_chunk=lambda *_: None)
     assert (best(end)[1] == 1.0).mean() > 0.9
 
 
-def test_genes_keep_to_their_limits(solved):
+def test_genes_keep_to_their_limits():
     population, _ = evolved(lambda genome: genome.sum(-1), 60)
     assert population.genome.max() == np.float32(1.2)
     assert best(population)[1].min() > GENES * 1.0, "beyond where genes are drawn"

@@ -141,9 +141,7 @@ def test_published_numbers_are_complete():
     }
     assert set(UNEVEN_RATIO) == {key for key in UNEVEN_DISTANCE if key[0] != "fitness"}
     for (scenario, body, kind), printed in UNEVEN_RATIO.items():
-        ratio = (
-            UNEVEN_DISTANCE[scenario, body, kind][0] / UNEVEN_DISTANCE["fitness", body, kind][0]
-        )
+        ratio = UNEVEN_DISTANCE[scenario, body, kind][0] / UNEVEN_DISTANCE["fitness", body, kind][0]
         assert ratio == pytest.approx(printed, abs=0.035), (scenario, body, kind)
 
 

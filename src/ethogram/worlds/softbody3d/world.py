@@ -41,7 +41,7 @@ def _readable(body: str) -> str:
     try:
         cells_of(body)
     except EthogramError as error:
-        raise ValueError(str(error)) from error
+        raise ValueError(str(error).rstrip(".")) from error
     return body
 
 
