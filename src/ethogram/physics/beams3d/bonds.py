@@ -4,6 +4,9 @@ Each bond is seen in a frame of its own: the grid axis along which it was made b
 frame turns with its first voxel (small angles) or so that x points at the second voxel (large).
 In that frame d is the displacement of the second voxel from where it would rest, th1 and th2 are
 the rotations of the two ends, in radians; beam theory makes them forces and moments.
+
+Reading: in the step in which a bond's angles become small, or large, it is not damped and forgets
+nothing; one of which they do so in the very first step is damped next against no deformation.
 """
 
 import math

@@ -41,7 +41,7 @@ class Lattice(eqx.Module):
 
     cell: Int[Array, "voxel 3"]  # place in the grid, in edges
     used: Bool[Array, "voxel"]  # all but padding
-    first: Ends  # of bonds: the voxel with the lower index
+    first: Ends  # of bonds: the voxel at the lower end of the axis
     second: Ends
     axis: Int[Array, "bond"]  # 0, 1, 2: along x, y, z
     left: Ends  # of pairs of surface voxels that could touch
@@ -85,7 +85,6 @@ def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
         if (beyond := tuple(c + (a == axis) for a, c in enumerate(cell))) in index
     ]
     ends = np.array(bonds, int).reshape(-1, 3)
-    ends[:, :2].sort(axis=1)
     pairs = _pairs(len(order), ends[:, :2])
     voxels = len(order)
     return Lattice(

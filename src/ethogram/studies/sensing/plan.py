@@ -24,6 +24,7 @@ from ethogram.worlds.softbody3d.controllers import (
 NAME = "sensing"
 VERSION = "1"  # goes up whenever the same settings would give other numbers
 
+Law = Literal[Actuation, Output]
 Surface = Literal["even", "uneven"]
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Settings:
 
     world: WorldSettings = Field(default_factory=WorldSettings)
     material: MaterialSettings = Field(default_factory=MaterialSettings)
-    law: Actuation | Output = "tanh"  # the first two do not sense, the others do
+    law: Law = "tanh"  # the first two do not sense, the others do
     swing: Annotated[float, Field(ge=0, lt=1)] = 0.1  # a and delta s, in edges at rest
     surface: Surface = "even"
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
