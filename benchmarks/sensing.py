@@ -1,0 +1,157 @@
+"""How fast soft robots are simulated, beside a loop in NumPy.
+
+    python benchmarks/sensing.py [--cores 2] [--json FILE]
+
+Voxel-steps per second: one voxel through one step of the physics, with its bonds, contacts,
+sensors and controller.  A row is a body and a number of robots of it, every one with a controller
+of its own; each travels `STEPS` steps of the even surface, again and again.  The distance of every
+robot is returned and added up, so that nothing can be optimised away.  Fewer robots than a block
+holds are simulated in a block of their own size, and not filled up with copies.
+
+"All cores" is the sum over one such process per core at the same time, each pinned to its core,
+which is how a campaign uses the machine.  The loop in NumPy takes one bond and one voxel after the
+other: it is the one that the tests hold the physics against (`tests/oracles/beams3d.py`), with the
+waves of a non-sensing controller, and its robot must get as far as ours.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from threading import Barrier
+
+BODIES = {"worm": "worm", "tripod": "tripod", "4x4x3": "|".join(["/".join(["####"] * 3)] * 4)}
+ROBOTS = (1, 32, 256, 2048)
+KINDS = ("non-sensing", "sensing")
+STEPS, SECONDS = 200, 1.5  # of a journey; of a measurement, at least
+LOOPED = 200  # steps of the loop in NumPy
+PATIENCE = 300.0  # seconds that a process waits for the others
+THESIS_VOXEL_STEPS = 3 * 2 * 2 * 30 * 6230 * 10_000 * 6  # six voxels on average
+
+
+def rates(body: str, kind: str, core: int, together: Barrier) -> list[float]:
+    """Voxel-steps per second in this process, for each number of robots."""
+    os.sched_setaffinity(0, {core})
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+
+    from ethogram.worlds.softbody3d import SoftBody3D
+    from ethogram.worlds.softbody3d.controllers import NonSensing, Sensing
+    from ethogram.worlds.softbody3d.gravity import schedule
+    from ethogram.worlds.softbody3d.locomotion import ABREAST, travel
+
+    world = SoftBody3D(body=body)
+    voxels = len(world.cells)
+    controller = NonSensing(voxels) if kind == "non-sensing" else Sensing(voxels)
+    gravity = schedule("even", STEPS)
+    go = eqx.filter_jit(travel)
+    found = []
+    for robots in ROBOTS:
+        genes = jax.random.uniform(
+            jax.random.key(0), (controller.genes, robots), minval=-1.0, maxval=1.0
+        )
+        block = robots if robots < ABREAST else None
+        way = go(world, controller, genes, gravity, abreast=block).distance  # compiles
+        together.wait()
+        began, journeys, total = time.perf_counter(), 0, 0.0
+        while time.perf_counter() - began < SECONDS:
+            way = go(world, controller, genes, gravity, abreast=block).distance
+            total += float(jnp.abs(way).sum())
+            journeys += 1
+        spent = time.perf_counter() - began
+        if not total > 0:
+            raise RuntimeError("nobody moved: the benchmark does not measure robots")
+        found.append(journeys * STEPS * robots * voxels / spent)
+    return found
+
+
+def looped(body: str, core: int) -> float:
+    """Voxel-steps per second of the loop in NumPy, which must go where our robot goes."""
+    os.sched_setaffinity(0, {core})
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    import jax.numpy as jnp
+    import numpy as np
+    from tests.oracles.beams3d import TIME, Body
+
+    from ethogram.worlds.softbody3d import SoftBody3D
+    from ethogram.worlds.softbody3d.controllers import NonSensing
+    from ethogram.worlds.softbody3d.gravity import schedule
+    from ethogram.worlds.softbody3d.locomotion import travel
+
+    world = SoftBody3D(body=body)
+    cells = world.cells
+    phase = np.random.default_rng(0).uniform(-np.pi, np.pi, len(cells))
+    genes = np.stack([np.zeros(len(cells)), phase], 1).reshape(-1, 1)
+    plain = Body(cells)
+    start = np.mean(plain.position, 0)[0]
+    began = time.perf_counter()
+    for step in range(LOOPED):
+        edges = 0.01 * (1 + 0.1 * np.sin(2 * np.pi * 40 * step * TIME + phase))
+        plain.step(edges, (0.0, 0.0, -9.81))
+    spent = time.perf_counter() - began
+    way = np.mean(plain.position, 0)[0] - start
+    ours = travel(world, NonSensing(len(cells)), jnp.asarray(genes), schedule("even", LOOPED))
+    if not np.isclose(ours.distance[0], way, rtol=0.02, atol=1e-6):
+        raise RuntimeError(f"{body}: the loop goes {way} m, Ethogram {ours.distance[0]} m")
+    return LOOPED * len(cells) / spent
+
+
+def side_by_side(cores: int, body: str, kind: str) -> list[float]:
+    """The sum over processes that measure at the same time, for each number of robots."""
+    context = multiprocessing.get_context("spawn")
+    with context.Manager() as manager, ProcessPoolExecutor(cores, mp_context=context) as pool:
+        together = manager.Barrier(cores, timeout=PATIENCE)  # broken if a process fails
+        jobs = [pool.submit(rates, body, kind, core, together) for core in range(cores)]
+        return [sum(same) for same in zip(*(job.result() for job in jobs), strict=True)]
+
+
+def alone(body: str) -> float:
+    """The loop in NumPy, in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(looped, body, 0).result()
+
+
+def main() -> None:
+    """Measure, print a table, and keep the figures where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cores", type=int, default=os.cpu_count())
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+
+    from ethogram.campaign.threads import limit_threads
+
+    limit_threads()  # as in a campaign: one thread per process
+    columns = [f"{kind}, {cores}" for kind in KINDS for cores in ("one core", "all cores")]
+    print("| body | robots |", " | ".join(columns), "| a loop in NumPy, one core |")
+    print("| --- | ---: |" + " ---: |" * (len(columns) + 1))
+    rows = []
+    for name, body in BODIES.items():
+        loop = alone(body)
+        each = [side_by_side(cores, body, kind) for kind in KINDS for cores in (1, options.cores)]
+        for robots, *found in zip(ROBOTS, *each, strict=True):
+            figures = " | ".join(f"{rate / 1e6:.2f} M/s" for rate in found)
+            print(f"| {name} | {robots} | {figures} | {loop / 1e3:.2f} k/s |", flush=True)
+            rows.append(
+                {"body": name, "robots": robots, "loop": loop}
+                | dict(zip(columns, found, strict=True))
+            )
+    at = {(row["body"], row["robots"]): row for row in rows}
+    speed = min(at[body, 256][f"{kind}, all cores"] for body in ("worm", "tripod") for kind in KINDS)
+    hours = THESIS_VOXEL_STEPS / speed / 3600
+    print(
+        f"\nThe thesis' campaign, {THESIS_VOXEL_STEPS:.3g} voxel-steps: {hours:.1f} h at the "
+        "slowest figure of worm and tripod with 256 robots on all cores."
+    )
+    if options.json:
+        options.json.write_text(
+            json.dumps({"cores": options.cores, "python": sys.version.split()[0], "rows": rows})
+        )
+
+
+if __name__ == "__main__":
+    main()
