@@ -66,6 +66,25 @@ def test_a_number_that_no_agent_owns_is_named_without_one():
     assert watched.done == []
 
 
+def test_a_state_that_breaks_in_its_last_step_is_handed_to_nobody():
+    class Bursting(eqx.Module):
+        def update(self, key, learned):
+            del key
+            return {"weights": [learned["weights"][0] * 1e30]}, {"loss": learned["weights"][0]}
+
+    watched = []
+    with pytest.raises(Diverged, match=r"^weights\.0 of what is learned is not finite"):
+        train(
+            Bursting(),
+            jax.random.key(0),
+            {"weights": [jnp.float32(1)]},
+            4,
+            chunk=1,
+            after_chunk=lambda done, *_: watched.append(done),
+        )
+    assert watched == [1]
+
+
 def test_every_update_gets_a_key_of_its_own_number_however_the_chunks_fall():
     class Listing(eqx.Module):
         def update(self, key, learned):

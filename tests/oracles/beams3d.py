@@ -113,7 +113,11 @@ class Body:
                     for now, then in zip((d, th1, th2), self.last[number], strict=True)
                 ]
                 damped = damping(*rates)
-                force, moment1, moment2 = force + damped[0], moment1 + damped[1], moment2 + damped[2]
+                force, moment1, moment2 = (
+                    force + damped[0],
+                    moment1 + damped[1],
+                    moment2 + damped[2],
+                )
             self.last[number] = d, th1, th2
         self.small[number] = small
         back = conjugate(frame)

@@ -28,6 +28,10 @@ Deviations from the original program, and why:
 - The first round comes one play later: an update begins by playing.
 - Adam adds its epsilon after the correction of bias, as its paper does, TensorFlow's before.
 - A choice or an input that is padding (`ethogram.core.spaces`) has no part in anything.
+- Minibatches have 512 transitions (Table 2.1), the program's 1024.
+- Roles may be scripted, as the thesis' baselines need: who does not learn has no critic.
+- `final_rate`, temperatures, `anneal`, `rounds`, `copy_targets` and `straight_through` exist, for
+  `tuned`; in the preset `thesis` they do what the program does.
 
 An episode ends for all agents at once: what follows an agent's own end is not known here.
 """

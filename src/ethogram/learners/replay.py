@@ -2,7 +2,7 @@
 
 Of a transition it keeps the world's state, the action and the key of the world's chance; what
 was observed, earned and reached follows from these, and is computed again when a transition is
-drawn.  At four robots with 64 symbols that is a seventh of the memory.
+drawn.  At four robots with 64 symbols that is less than a quarter of the memory.
 
 All of it stands in one array of 32-bit words, a row per transition, so that a minibatch is one
 gather and adding is one copy in place.

@@ -58,7 +58,8 @@ def train(
             whole chunks of this one.
 
     Raises:
-        Diverged: some metric is not finite; the state before the chunk was the last sound one.
+        Diverged: some metric, or a number of the state, is not finite; the state before the chunk
+            was the last sound one.
 
     """
     for first in range(start, updates, chunk):
@@ -66,6 +67,7 @@ def train(
         learned, metrics = _run_chunk((learner, key, jnp.int32(first), length), learned)
         metrics = jax.tree.map(np.asarray, metrics)
         _require_finite(metrics, first)
+        _require_sound(learned, first)
         after_chunk(first + length, learned, metrics)
     return learned
 
@@ -94,6 +96,21 @@ def _require_finite(metrics: Metrics, first: int) -> None:
     if broken:
         update, name = min(broken)
         raise Diverged(f"{name} is not finite at update {update}; after {first} updates all was.")
+
+
+def _require_sound(learned: Any, first: int) -> None:
+    """A loss is computed before the step that it leads to: the last step may be what breaks."""
+    for path, finite in jax.tree_util.tree_leaves_with_path(_finite(learned)):
+        if not finite:
+            name = jax.tree_util.keystr(path, simple=True, separator=".")
+            where = f"{name} of what is learned" if name else "what is learned"
+            raise Diverged(f"{where} is not finite in the end; after {first} updates all was.")
+
+
+@eqx.filter_jit
+def _finite(learned: Any) -> Any:
+    numbers = eqx.filter(learned, eqx.is_inexact_array)
+    return jax.tree.map(lambda array: jnp.isfinite(array).all(), numbers)
 
 
 def even_chunk(updates: int, most: int) -> int:

@@ -90,11 +90,17 @@ def _returns(results: Results) -> Table:
         title="Return in validation",
         caption="Sum over all agents and steps, mean over trials with a 95% bootstrap interval. "
         "R_val: actions are sampled. Noise-free: without the noise of sampling. Discounted: "
-        "eq. 2.1, with the initial state's reward. Silenced: nobody hears anything. Scrambled: "
+        f"eq. 2.1 with the learner's discount{_discounts(results)}, and with the initial state's "
+        "reward. Silenced: nobody hears anything. Scrambled: "
         "what is said is exchanged between episodes.",
         columns=(*SETTING, "policy", *RETURNS),
         rows=_rows(results, RETURNS),
     )
+
+
+def _discounts(results: Results) -> str:
+    found = {float(data.attrs["discount"]) for data in results.by_condition.values()}
+    return f" = {' and '.join(f'{one:g}' for one in sorted(found))}" if found else ""
 
 
 def _language(results: Results) -> Table:
