@@ -141,6 +141,14 @@ def test_a_body_that_falls_apart_is_refused_before_anything_runs():
         cases("smoke", "world.body=#.#")
 
 
+def test_a_body_is_one_case_however_it_is_written():
+    one, other = (
+        cases("smoke", f"world.body={body}", "law=tanh") for body in ("##/#.", "##\n#.\n")
+    )
+    assert one == other
+    assert one[0].name == "11_10-tanh-even"
+
+
 def test_the_work_of_a_case_grows_with_what_it_does():
     (small,), (more,) = cases("smoke", *ONE), cases("smoke", *ONE, "generations=2000")
     assert study.cost(more).seconds > 5 * (study.cost(small).seconds - compute.COMPILE_SECONDS)

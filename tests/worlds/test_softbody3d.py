@@ -43,6 +43,21 @@ def test_a_body_can_be_written_or_given_as_a_grid():
     assert SoftBody3D(body=grid).body == text
 
 
+def test_a_body_has_one_spelling():
+    spellings = ("##/##", "##\n##", "|##//##||", "\n##\n##\n\n\n\n")
+    assert {SoftBody3D(body=body).body for body in spellings} == {"##/##"}
+    assert SoftBody3D(body="##|##").body == SoftBody3D(body="##||##").body == "##|##"
+
+
+def test_a_large_body_can_be_stepped():
+    world = SoftBody3D(body=np.ones((6, 6, 6), bool))
+    state, _ = world.reset(jax.random.key(0))
+    after, _ = step(world, jax.random.key(0), state, {"robot": jnp.full((1, 216), 0.0101)})
+    assert jnp.isfinite(after.position).all()
+    assert not after.broken
+    assert (jnp.abs(after.momentum).max(1) > 1e-4).all(), "it swells"
+
+
 def test_a_body_is_moved_to_the_corner_of_its_grid():
     np.testing.assert_array_equal(cells_of(".##/..."), [[0, 0, 0], [1, 0, 0]])
 
@@ -200,6 +215,8 @@ def test_the_material_is_a_sweep_away():
 def test_settings_out_of_range_are_named():
     with pytest.raises(EthogramError, match="frequency = -1"):
         SoftBody3D(frequency=-1.0)
+    with pytest.raises(InvalidSettings, match=r"shortest = 2.* and longest = 0\.1"):
+        SoftBody3D(shortest=2.0, longest=0.1)
     with pytest.raises(EthogramError, match="elastic_modulus"):
         SoftBody3D(material=Material(elastic_modulus=0.0))
 

@@ -97,6 +97,25 @@ def test_a_broken_robot_has_no_distance_and_the_others_keep_theirs(world, even):
     np.testing.assert_array_equal(found.distance[::2], sound.distance[::2])
 
 
+@pytest.mark.parametrize("kind", [Sensing, NonSensing])
+def test_distances_have_the_gradient_in_the_parameters_that_differences_show(kind):
+    with jax.enable_x64(True):
+        world, controller = SoftBody3D(body="####"), kind(4)
+        gravity = schedule("even", 30)
+        genes = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (controller.genes, 1)))
+
+        @jax.jit
+        def gone(genes):
+            return travel(world, controller, genes, gravity, abreast=1).distance[0]
+
+        slope = np.asarray(jax.jit(jax.grad(gone))(genes))
+        nudges = 1e-6 * jnp.eye(len(genes))[..., None]
+        differences = [(gone(genes + nudge) - gone(genes - nudge)) / 2e-6 for nudge in nudges]
+    assert np.isfinite(slope).all()
+    assert np.abs(slope).max() > 1e-7
+    np.testing.assert_allclose(slope[:, 0], differences, rtol=1e-3, atol=1e-9)
+
+
 def test_looks_must_divide_the_steps(world, genes, even):
     with pytest.raises(InvalidSettings, match="every = 7: it should divide the 40 steps"):
         travel(world, Sensing(4), genes, even, every=7)

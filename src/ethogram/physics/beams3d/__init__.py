@@ -6,8 +6,8 @@ voxels.  Bodies lie on a floor with friction, under gravity, and do not pass thr
 
 The model is the one that the thesis takes from Kriegman's simulator: Hiller and Lipson, "Dynamic
 Simulation of Soft Multimaterial 3D-Printed Objects" (2014), with linear beams, no poisson effect
-on the volume, and explicit integration.  Trajectories agree with that simulator's to 1e-10 m over
-10 000 steps in 64 bits, distances to 0.1% in 32 bits.
+on the volume, and explicit integration.  Trajectories agree with that simulator's to 1e-8 m over
+10 000 steps in 64 bits, distances to 0.5% in 32 bits.
 
 Arrays have components first, then voxels or bonds, then any batch axes.  Every function is written
 for one robot, without batch axes, and takes trailing ones as they come: robots then lie side by

@@ -7,13 +7,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Bool, Int, Shaped
 
 from ethogram.core.errors import InvalidSettings
 
 NEIGHBOURS = 6
 TOUCH_BEYOND = 3  # bonds along the shortest path: nearer voxels never collide
+UNROLLED = 16  # slots: beyond, as of pairs in large bodies, a loop compiles faster
 
 
 class Ends(eqx.Module):
@@ -33,7 +34,11 @@ class Ends(eqx.Module):
         """Per voxel, the sum over the items that have it at this end."""
         padded = jnp.concatenate([value, jnp.zeros_like(value[:, :1])], 1)
         start = jnp.zeros_like(value, shape=(value.shape[0], self.items.shape[1], *value.shape[2:]))
-        return sum((padded[:, items] for items in self.items), start)
+        if len(self.items) > UNROLLED:
+            return lax.scan(
+                lambda so_far, items: (so_far + padded[:, items], None), start, self.items
+            )[0]
+        return sum((padded[:, self.items[slot]] for slot in range(len(self.items))), start)
 
 
 class Lattice(eqx.Module):
@@ -60,6 +65,9 @@ class Lattice(eqx.Module):
 
 def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
     """Join every two face-adjacent cells; voxels keep the order of the cells.
+
+    A bond's first voxel is that at the lower end of its axis.  The original takes the one with the
+    lower index, which is the same for cells in its order, x fastest.
 
     Self-collision is between surface voxels (fewer than six bonds) more than three bonds apart,
     along the shortest path through the body.

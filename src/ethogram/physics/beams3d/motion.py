@@ -1,5 +1,7 @@
 """A body's state and one step of time: forces, then momenta, then places (semi-implicit Euler)."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -88,21 +90,60 @@ def step(
     if floor:
         momentum, force = floor_contact(material, state.position[2], edge, momentum, force)
     time = material.time_step
-    pushed = jnp.stack(momentum) + jnp.stack(force) * time
-    position = state.position + pushed * (time / material.mass)
-    spin = (state.angular_momentum + pull.torque * time) * material.spin_decay
-    failed = (pull.strain > BREAKS).any(0) | ~jnp.isfinite(position).all((0, 1))
+    moved = integrated(material, state, momentum, force, pull.torque, time)
+    failed = (pull.strain > BREAKS).any(0) | ~jnp.isfinite(moved.position).all((0, 1))
     return State(
-        position=position,
-        orientation=turned(state.orientation, spin / material.inertia, time),
-        momentum=pushed,
-        angular_momentum=spin,
-        force=(pushed - state.momentum) / time,
+        position=moved.position,
+        orientation=moved.orientation,
+        momentum=moved.momentum,
+        angular_momentum=moved.angular_momentum,
+        force=(moved.momentum - state.momentum) / time,
         edge=edge,
         strain=pull.strain,
         memory=memory,
         steps=state.steps + 1,
         broken=state.broken | failed,
+    )
+
+
+class Moved(NamedTuple):
+    """Where and how fast after a step."""
+
+    position: Float[Array, "3 voxel *batch"]
+    orientation: Float[Array, "4 voxel *batch"]
+    momentum: Float[Array, "3 voxel *batch"]
+    angular_momentum: Float[Array, "3 voxel *batch"]
+
+
+def integrated(
+    material: Material,
+    state: State,
+    momentum: Vector,
+    force: Vector,
+    torque: Float[Array, "3 voxel *batch"],
+    time: Float[Array, ""],
+) -> Moved:
+    """Semi-implicit Euler: first momenta, then places by the new momenta.
+
+    P' = P + F dt, p' = p + P' dt / m, H' = (H + M dt) (1 - 10 zeta 2 sqrt(I E L^3) / I dt), and
+    q' = q + (0, H' / I) q dt / 2, normalised.
+
+    Args:
+        material: of the voxels.
+        state: before the step; its momentum is not used, but that which the floor left.
+        momentum: P, kg m/s.
+        force: F, N.
+        torque: M, N m.
+        time: dt, s.
+
+    """
+    pushed = jnp.stack(momentum) + jnp.stack(force) * time
+    spin = (state.angular_momentum + torque * time) * material.spin_decay
+    return Moved(
+        position=state.position + pushed * (time / material.mass),
+        orientation=turned(state.orientation, spin / material.inertia, time),
+        momentum=pushed,
+        angular_momentum=spin,
     )
 
 

@@ -65,15 +65,19 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 def rotation_vector(q: Quaternion) -> Vector:
     """Axis times angle.
 
-    With s = 1 - w^2 the original takes 2 sqrt((2 - 2w) / s) times the vector part for small
-    angles, 2 acos(w) / sqrt(s) for others.  (2 - 2w) / s is 2 / (1 + w): written so, nothing
-    cancels, and angles that 32 bits would lose are kept.
+    With s = 1 - w^2 the original takes 2 sqrt((2 - 2w) / s) times the vector part where s is small,
+    2 acos(w) / sqrt(s) elsewhere, and zero where s is none.  (2 - 2w) / s is 2 / (1 + w): written
+    so, nothing cancels, and angles that 32 bits would lose are kept.  Near w = -1, a full turn,
+    this is as wrong as the original.
     """
-    small = q.w > SMALL_W
-    near, far = jnp.where(small, q.w, 1.0), jnp.where(small, 0.0, q.w)
+    small, full = q.w > SMALL_W, q.w < -SMALL_W
+    near = jnp.where(small, q.w, 1.0)
+    far = jnp.where(small | full, 0.0, q.w)
     factor = jnp.where(
         small, 2 * jnp.sqrt(2 / (1 + near)), 2 * jnp.arccos(far) / jnp.sqrt(1 - far * far)
     )
+    left = jnp.where(full & (q.w > -1), 1 + q.w, jnp.inf)  # to a full turn
+    factor = jnp.where(full, 2 * jnp.sqrt(2 / left), factor)
     return Vector(factor * q.x, factor * q.y, factor * q.z)
 
 

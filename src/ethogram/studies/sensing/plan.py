@@ -22,7 +22,9 @@ from ethogram.worlds.softbody3d.controllers import (
 )
 
 NAME = "sensing"
-VERSION = "1"  # goes up whenever the same settings would give other numbers
+# Goes up whenever the same settings would give other numbers: also with the sizes of blocks in
+# `worlds.softbody3d.locomotion`, on which the last bits depend.
+VERSION = "1"
 
 Law = Literal[Actuation, Output]
 Surface = Literal["even", "uneven"]
@@ -44,7 +46,8 @@ class Settings:
     world: WorldSettings = Field(default_factory=WorldSettings)
     material: MaterialSettings = Field(default_factory=MaterialSettings)
     law: Law = "tanh"  # the first two do not sense, the others do
-    swing: Annotated[float, Field(ge=0, lt=1)] = 0.1  # a and delta s, in edges at rest
+    # a and delta s, in edges at rest; what exceeds world.shortest and world.longest is cut off
+    swing: Annotated[float, Field(ge=0, lt=1)] = 0.1
     surface: Surface = "even"
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
     generations: Annotated[int, Field(ge=1, le=1_000_000)] = 200

@@ -29,7 +29,7 @@ from ethogram.studies.sensing.results import (
     sound,
     u_test,
 )
-from ethogram.studies.statistics import Trials, holm, measured
+from ethogram.studies.statistics import holm, measured
 
 KIND = ("morphology", "controller", "law")  # columns
 NO_MAPS = (
@@ -144,7 +144,8 @@ def _table_5_3(results: Results) -> Table:
         "bootstrap interval, and standard deviation. Ratio: mean distance over mean fitness. p: "
         "Mann-Whitney U test, two-sided, against the non-sensing controller of the same body in "
         "the same scenario; corrected: by Holm, over the comparisons of this table. Broken robots: "
-        "in evolution."
+        "in evolution. In step, gravity pulls along x in the second half: who lets go of the "
+        "floor gets ahead."
         f"{_undefined(results, places)}",
         columns=(
             "scenario",
@@ -215,7 +216,7 @@ def _behaviour(results: Results) -> Table:
         caption="Behaviour: magnitudes of the Fourier transforms of the best robot's path, x and "
         "z. Silhouette: how much nearer a run is to its own kind than to the other, from -1 to 1, "
         "mean over runs. Spread: distance of a run from the mean behaviour of its kind, in mm, "
-        "mean over runs with a 95% bootstrap interval."
+        "mean over runs. Intervals stand with the claims."
         f"{'' if maps_available() else NO_MAPS}",
         columns=(
             "surface",
@@ -237,8 +238,8 @@ def _moving(results: Results, at: Condition, scenario: str) -> np.ndarray:
     return found[np.isfinite(found).all(1)]
 
 
-def _spread(runs: np.ndarray) -> Measured | None:
-    return None if len(runs) < 2 else measured(Trials("spread", spreads(runs)))
+def _spread(runs: np.ndarray) -> float | None:
+    return None if len(runs) < 2 else float(spreads(runs).mean())
 
 
 def _kind(at: Condition) -> tuple[str, str, str]:

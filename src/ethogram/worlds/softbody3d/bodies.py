@@ -1,7 +1,8 @@
 """Bodies: by name, as text, or as a grid of what is filled.
 
 As text, a layer is a side view: x to the right, z upwards, `#` a voxel and `.` nothing; rows end
-with a line's end or `/`.  Layers follow one another in y, parted by an empty line or `|`.
+with a line's end or `/`.  Layers follow one another in y, parted by an empty line or `|`; empty
+ones count for nothing.
 """
 
 from collections.abc import Sequence
@@ -59,10 +60,8 @@ def _from_text(text: str) -> Bool[np.ndarray, "x y z"]:
                 f"{', '.join(BODIES)}, or layers of {VOXEL} and {NOTHING} with / after a row and | "
                 "after a layer."
             )
-    sides = [
-        [row for row in side.split("/") if row]
-        for side in text.strip("/|\n").replace("\n\n", "|").replace("\n", "/").split("|")
-    ]
+    layered = text.replace("\n\n", "|").replace("\n", "/").split("|")
+    sides = [rows for side in layered if (rows := [row for row in side.split("/") if row])]
     sizes = {(len(side), len(row)) for side in sides for row in side}
     if len(sizes) > 1:
         found = ", ".join(f"{rows} rows of {length}" for rows, length in sorted(sizes))

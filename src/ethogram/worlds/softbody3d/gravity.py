@@ -54,10 +54,15 @@ def program(gravity: str | Program) -> Program:
 
     Raises:
         UnknownName: there is no such program; the message names those there are.
+        InvalidSettings: it is neither a name nor a function.
 
     """
     if callable(gravity):
         return gravity
+    if not isinstance(gravity, str):
+        raise InvalidSettings(
+            f"gravity = {gravity!r}; allowed: a function, or one of {', '.join(GRAVITY)}."
+        )
     if gravity not in GRAVITY:
         raise UnknownName("gravity program", gravity, GRAVITY)
     return GRAVITY[gravity]

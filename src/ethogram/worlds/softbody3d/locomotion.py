@@ -1,9 +1,11 @@
 """Many robots of one body through one simulation: how far each gets.
 
-`travel` is the one way from controllers to distances, and the place of a faster one: it takes
-arrays (the body's indices, numbers of the material, parameters with robots side by side, gravity
-step by step) and returns arrays, and nothing between depends on how the steps are taken.  A kernel
-written by hand for a processor would take the place of `_simulate`.
+`travel` is the one way from controllers to distances, and the place of a faster one.  A kernel
+written by hand for a processor would take the place of `_simulate`, a block of robots at a time:
+all that it needs are arrays (the body's indices, numbers of the material, parameters with robots
+side by side, gravity step by step) and the name of the law, of which there are two with two forms
+each; and all that it returns are distances and, for those who watch, states at some steps.  What a
+user brings along, a law of their own, would go on through `_simulate`.
 """
 
 from collections.abc import Callable

@@ -24,7 +24,7 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 from pydantic import AfterValidator, Field
 
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -37,12 +37,11 @@ ROLE = "robot"
 
 
 def _readable(body: str) -> str:
-    """Let pydantic say what is wrong with a body that a plan names."""
+    """The one spelling of a body that a plan names, or pydantic's word on what is wrong with it."""
     try:
-        cells_of(body)
+        return _as_text(body)
     except EthogramError as error:
         raise ValueError(str(error).rstrip(".")) from error
-    return body
 
 
 def _as_text(body: Body) -> str:
@@ -75,6 +74,18 @@ class SoftBody3D(World):
     longest: Number = setting(1.2, Annotated[float, Field(gt=0)])
     sensed_scale: Scale = setting("strain", Scale, static=True)
     acceleration_scale: Number = setting(0.01, Annotated[float, Field(ge=0)])  # of |dv/dt|, m/s^2
+
+    def __check_init__(self) -> None:
+        """Refuse bounds of commands that leave nothing between them."""
+        try:
+            order = bool(self.shortest < self.longest)
+        except jax.errors.TracerBoolConversionError:
+            return  # swept
+        if not order:
+            raise InvalidSettings(
+                f"SoftBody3D: shortest = {self.shortest} and longest = {self.longest}; allowed: "
+                "shortest below longest."
+            )
 
     @property
     def cells(self) -> Int[np.ndarray, "voxel 3"]:
