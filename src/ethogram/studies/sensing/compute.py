@@ -56,6 +56,17 @@ class Race(eqx.Module):
         return Evaluated(journey.distance.reshape(runs, size), journey.broken.reshape(runs, size))
 
 
+class Watch(eqx.Module):
+    """What is recorded: where every robot is, and all of the first one's voxels."""
+
+    world: SoftBody3D
+
+    def __call__(self, state: State) -> dict[str, Any]:
+        """Look at robots side by side."""
+        first = Pose(*(part[..., :1] for part in pose(state)))
+        return {"centre": centre(self.world.lattice, state), "first": first}
+
+
 def cost(case: Case) -> Cost:
     """About what a case takes on one core."""
     settings = case.parsed(Settings)
@@ -159,17 +170,12 @@ def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> Journey
     """The best of each trial under each gravity: robots are scenario by scenario, then trials."""
     world, programs = world_of(settings), SCENARIOS[settings.surface].values()
     schedules = [schedule(program(gravity), settings.world.steps) for gravity in programs]
-
-    def watch(state: State) -> dict[str, Any]:
-        first = Pose(*(part[..., :1] for part in pose(state)))
-        return {"centre": centre(world.lattice, state), "first": first}
-
     return eqx.filter_jit(travel)(
         world,
         controller_of(settings),
         jnp.tile(genome.T, (1, len(schedules))),
         jnp.repeat(jnp.stack(schedules, -1), len(genome), -1),
-        watch=watch,
+        watch=Watch(world),
         every=settings.record_every,
     )
 
