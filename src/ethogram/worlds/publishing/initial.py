@@ -1,0 +1,162 @@
+"""The initial state: qualities by a power law, references, and which journal published what.
+
+Thesis, section 7.3.5.  Papers belong to the years -2, -1 and 0, each with equal chance, and cite
+those before them.  `assign` places them in journals:
+
+- "two_phase": papers and references are drawn first; then the papers of the years -2 and -1, those
+  that count for the impact factors of year 0, are placed in random order, with their citations known,
+  each in the journal that brings the distribution of rounded impact factors nearest to the real one;
+- "online": as printed, paper by paper as they are drawn, with the citations there are so far;
+- "random": anywhere.
+
+The papers of year 0 count for no impact factor yet, and go anywhere, but for "online".
+"""
+
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Bool, Float, Int, Key
+
+from ethogram.core.settings import Number
+from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
+from ethogram.worlds.publishing.literature import INITIAL_YEARS, AT_ONCE, distinct, recency, within
+
+Assignment = Literal["two_phase", "online", "random"]
+Scale = Literal["linear", "none"]
+AIM = np.array(IMPACT_2018) / sum(IMPACT_2018)
+
+
+def power_law(
+    key: Key[Array, ""],
+    shape: tuple[int, ...],
+    *,
+    slope: Number,
+    greatest: Number,
+    quality_max: Number,
+    scale: Scale,
+) -> Float[Array, "..."]:
+    """Qualities with a density of x^-slope on [1, greatest], stretched to [0, quality_max]."""
+    chance = jax.random.uniform(key, shape)
+    power = 1 - slope
+    log = jnp.log(greatest)
+    x = jnp.where(
+        jnp.abs(power) < 1e-6,
+        jnp.exp(chance * log),
+        (1 + chance * (greatest**power - 1)) ** (1 / jnp.where(power == 0, 1.0, power)),
+    )
+    if scale == "linear":
+        return (x - 1) / (greatest - 1) * quality_max
+    return jnp.minimum(x, quality_max)
+
+
+def initial_references(
+    key: Key[Array, ""],
+    level: Int[Array, "paper"],
+    year: Int[Array, "paper"],
+    references: int,
+) -> Int[Array, "paper reference"]:
+    """What each paper cites of those before it; years from 0, in order."""
+    papers = len(level)
+    bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
+    whole = jnp.cumsum(level)
+    before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
+    prefix = whole - before[bounds[year]]
+    own = jnp.arange(papers)
+    limit = jnp.minimum(bounds[1:], own[:, None])  # paper, year: where what it can cite ends
+    total = before[limit] - before[jnp.minimum(bounds[:-1], limit)]
+    reach = jnp.cumsum(total * recency(year[:, None] - jnp.arange(INITIAL_YEARS)), axis=1)
+
+    def drawn(key: Key[Array, ""]) -> Int[Array, "draft draw"]:
+        for_year, for_paper = jax.random.split(key)
+        aim = jax.random.uniform(for_year, (papers, AT_ONCE)) * reach[:, -1:]
+        block = jnp.minimum((aim[..., None] >= reach[:, None]).sum(-1), INITIAL_YEARS - 1)
+        mass = jnp.take_along_axis(total, block, 1)
+        aim = jax.random.randint(for_paper, block.shape, 0, jnp.maximum(mass, 1))
+        end = jnp.take_along_axis(limit, block, 1)
+        return within(prefix, jnp.minimum(bounds[block], end), end, aim)
+
+    citable = jnp.cumsum(level > 0) - (level > 0)
+    return distinct(key, drawn, jnp.minimum(references, citable), references)
+
+
+def histogram(
+    received: Float[Array, "journal"], papers: Float[Array, "journal"]
+) -> Float[Array, "bin"]:
+    """Shares of journals by rounded impact factor; those without papers are in no bin."""
+    rounded = jnp.round(received / jnp.maximum(papers, 1)).astype(jnp.int32)
+    bins = jnp.minimum(rounded, len(AIM) - 1)
+    there = papers > 0
+    counts = jnp.zeros(len(AIM)).at[bins].add(there)
+    return counts / jnp.maximum(there.sum(), 1)
+
+
+def distance(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Float[Array, ""]:
+    """From the real distribution, Euclidean."""
+    return jnp.linalg.norm(histogram(received, papers) - AIM)
+
+
+def place(
+    key: Key[Array, ""],
+    year: Int[Array, "paper"],
+    cited: Int[Array, "paper reference"],
+    journals: int,
+    assign: Assignment,
+) -> Int[Array, "paper"]:
+    """The journal of each initial paper; years from 0, in order."""
+    for_place, for_order, for_ties = jax.random.split(key, 3)
+    papers, last = len(year), INITIAL_YEARS - 1
+    anywhere = jax.random.randint(for_place, (papers,), 0, journals)
+    if assign == "random":
+        return anywhere
+    counts = (cited >= 0) & (year[:, None] == last) & (year[cited] < last)  # citations that count
+    received = jnp.zeros(papers, jnp.int32).at[cited].add(counts)
+    known = assign == "two_phase"
+    order = jax.random.permutation(for_order, papers) if known else jnp.arange(papers)
+
+    def settle(
+        so_far: tuple[Array, Array, Array], at: tuple[Array, Array]
+    ) -> tuple[tuple[Array, Array, Array], None]:
+        journal, got, size = so_far
+        paper, key = at
+        if not known:  # it brings its citations of those that were placed
+            got = got.at[journal[cited[paper]]].add(counts[paper])
+        in_window = year[paper] < last
+        gain = received[paper] if known else 0
+        nearest = _nearest(key, got, size, jnp.where(in_window, gain, 0), in_window)
+        chosen = jnp.where(in_window | (not known), nearest, anywhere[paper])
+        one = in_window.astype(jnp.int32)
+        got = got.at[chosen].add(one * gain)
+        return (journal.at[paper].set(chosen), got, size.at[chosen].add(one)), None
+
+    nothing = jnp.zeros(journals, jnp.int32)
+    start = anywhere, nothing, nothing
+    keys = jax.random.split(for_ties, papers)
+    return lax.scan(settle, start, (order, keys))[0][0]
+
+
+def _nearest(
+    key: Key[Array, ""],
+    received: Int[Array, "journal"],
+    papers: Int[Array, "journal"],
+    gain: Int[Array, ""],
+    counts: Bool[Array, ""],
+) -> Int[Array, ""]:
+    """The journal that a paper should join so that the distribution is nearest to the real one."""
+    one = counts.astype(jnp.int32)
+    there = papers > 0
+
+    def bins(got: Array, size: Array) -> Array:
+        rounded = jnp.round(got / jnp.maximum(size, 1)).astype(jnp.int32)
+        return jnp.minimum(rounded, len(AIM) - 1)
+
+    now = jax.nn.one_hot(bins(received, papers), len(AIM)) * there[:, None]
+    then = jax.nn.one_hot(bins(received + gain, papers + one), len(AIM))
+    then = then * (there | counts)[:, None]
+    tally = now.sum(0) - now + then  # journal, bin: if it joins there
+    size = there.sum() + (counts & ~there)
+    away = jnp.linalg.norm(tally / jnp.maximum(size, 1)[:, None] - AIM, axis=1)
+    tied = away <= away.min() + 1e-6
+    return jnp.argmax(jnp.where(tied, jax.random.uniform(key, away.shape), -1.0))

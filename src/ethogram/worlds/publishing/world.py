@@ -1,0 +1,443 @@
+"""The world of chapter 7: authors write and submit papers, editors accept or reject them.
+
+A year has `steps_per_year` steps.  In each step every author writes anew or submits the draft at hand
+to a journal; the journal's editor accepts it if its quality is at least a quantile, of the editor's
+choice, of what the journal has published (an empty journal accepts).  An accepted paper is published
+in the current year and its author begins another draft; a rejected one stays the author's draft.  A
+draft has a quality, Normal(author's quality, sigma) within [0, q_max], and cites `references` papers
+(`literature`).  Its citations count once it is published.
+
+Authors are rewarded by the change of their h-index (eq. 7.1), editors by the change of their
+journal's impact factor (eq. 7.3) at the end of a year.  Within a step everyone acts on what there
+was at its start (`update="synchronous"`), or one author after the other in random order.
+
+Deviations and readings, each a setting with its literal form: impact factors are of the union of the
+two years before (`if_window`), known for the last complete year (`if_timing`), and undefined without
+papers (`undefined_if`).  Qualities are rounded to one of 16 384 levels, less than a thousandth of
+the spread of an author's papers: then sums and quantiles are exact.  An author publishes at most one
+paper a step, so all papers there can be fit in arrays made beforehand.
+"""
+
+from typing import Annotated, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Bool, Float, Int, Key
+from pydantic import Field
+
+from ethogram.core.errors import TooLarge
+from ethogram.core.memory import readable_bytes, readable_count
+from ethogram.core.settings import Number, setting
+from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
+from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.worlds.publishing.initial import (
+    Assignment,
+    Scale,
+    initial_references,
+    place,
+    power_law,
+)
+from ethogram.worlds.publishing.journals import Qualities, empty, impact_factor
+from ethogram.worlds.publishing.literature import (
+    INITIAL_YEARS,
+    LEVELS,
+    Literature,
+    distinct,
+    draw,
+    year_of,
+)
+
+ACCEPT_ALL = -1.0  # an editor's action below 0: whatever the quality
+TOP = LEVELS - 1
+
+
+class Drafts(eqx.Module):
+    """What authors are working on."""
+
+    level: Int[Array, "author"]  # of quality
+    cited: Int[Array, "author reference"]  # papers; -1: none
+    rejections: Int[Array, "author"]
+
+
+class Standing(eqx.Module):
+    """How much the authors' papers are cited, and what follows."""
+
+    h_index: Int[Array, "author"]
+    above: Int[Array, "author"]  # papers with more citations than that
+    tally: Int[Array, "author count"]  # papers with exactly so many citations; the last: or more
+
+
+class State(eqx.Module):
+    """Authors, drafts, papers and journals."""
+
+    quality: Float[Array, "author"]  # of authors, in [0, q_max]
+    drafts: Drafts
+    standing: Standing
+    literature: Literature
+    qualities: Qualities
+    window: Int[Array, "journal 2"]  # papers of the year before this one, and of the one before that
+    this_year: Int[Array, "journal"]  # papers
+    received: Int[Array, "journal"]  # citations this year of papers in the window
+    impact: Float[Array, "journal"]  # of the last complete year
+    rejected: Int[Array, "journal"]
+    time: Int[Array, ""]  # steps
+
+
+Size = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class Publishing(World):
+    """Authors, editors and journals."""
+
+    authors: int = setting(100, Size, static=True)
+    journals: int = setting(20, Annotated[int, Field(ge=1, le=10_000)], static=True)
+    initial_papers: int = setting(1000, Annotated[int, Field(ge=0, le=300_000)], static=True)
+    years: int = setting(20, Annotated[int, Field(ge=1, le=10_000)], static=True)
+    steps_per_year: int = setting(10, Annotated[int, Field(ge=1, le=1000)], static=True)
+    references: int = setting(10, Annotated[int, Field(ge=0, le=100)], static=True)
+    quality_max: Number = setting(15.0, Annotated[float, Field(gt=0)])
+    sigma: Number = setting(1.0, Annotated[float, Field(ge=0)])  # of an author's papers
+    slope: Number = setting(1.5, Annotated[float, Field(ge=0)])  # k of the power law
+    greatest: Number = setting(5.0, Annotated[float, Field(gt=1)])  # theta of the power law
+    quality_scale: Scale = setting("linear", Scale, static=True)
+    init_assignment: Assignment = setting("two_phase", Assignment, static=True)
+    if_window: Literal["union", "intersection"] = setting(
+        "union", Literal["union", "intersection"], static=True
+    )
+    if_timing: Literal["complete", "running"] = setting(
+        "complete", Literal["complete", "running"], static=True
+    )
+    undefined_if: Number = setting(
+        float("nan"), Annotated[float, Field(allow_inf_nan=True)]
+    )  # of journals without papers in the window
+    update: Literal["synchronous", "sequential"] = setting(
+        "synchronous", Literal["synchronous", "sequential"], static=True
+    )
+
+    @property
+    def horizon(self) -> int:
+        """Steps of an episode."""
+        return self.years * self.steps_per_year
+
+    @property
+    def capacity(self) -> int:
+        """The most papers that there can be in the end."""
+        return self.initial_papers + self.authors * self.horizon
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """Authors choose 0, to write anew, or a journal, from 1; editors the share to turn away.
+
+        An author sees the quality and the rejections of the draft, then the impact factor of every
+        journal; an editor the impact factor and the number of papers of the journal.  Where an
+        impact factor is not defined it is -1.
+        """
+        inf = float("inf")
+        author = Role(self.authors, Box(-1.0, inf, (2 + self.journals,)), Discrete(1 + self.journals))
+        editor = Role(self.journals, Box(-1.0, inf, (2,)), Box(ACCEPT_ALL, 1.0, ()))
+        return {"author": author, "editor": editor}
+
+    def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
+        """Papers of the years -2 to 0, and authors that have published nothing.
+
+        Raises:
+            TooLarge: more papers could be published than 32 bits can number, or a step's qualities
+                add up to.
+
+        """
+        self._require_room()
+        for_authors, for_papers, for_years, for_cited, for_place, for_drafts = jax.random.split(key, 6)
+        quality = self._power_law(for_authors, self.authors)
+        level = self._levels(self._power_law(for_papers, self.initial_papers))
+        year = jnp.sort(jax.random.randint(for_years, (self.initial_papers,), 0, INITIAL_YEARS))
+        cited = initial_references(for_cited, level, year, self.references)
+        journal = place(for_place, year, cited, self.journals, self.init_assignment)
+        counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
+        counts &= year[cited] < INITIAL_YEARS - 1
+        nobody = jnp.zeros(self.journals, jnp.int32)
+        papers = jnp.zeros((self.journals, INITIAL_YEARS), jnp.int32).at[journal, year].add(1)
+        received = nobody.at[journal[cited]].add(counts.astype(jnp.int32))
+        none = jnp.zeros(self.authors, jnp.int32)
+        state = State(
+            quality=quality,
+            drafts=Drafts(none, jnp.full((self.authors, self.references), -1), none),
+            standing=Standing(none, none, jnp.zeros((self.authors, self.horizon + 2), jnp.int32)),
+            literature=self._library(level, year, journal, cited),
+            qualities=empty(self.journals).add(journal, level, level >= 0),
+            window=papers[:, :0:-1],
+            this_year=nobody,
+            received=nobody,
+            impact=self._impact(received, papers[:, :-1].sum(1)),
+            rejected=nobody,
+            time=jnp.int32(0),
+        )
+        everyone = jnp.ones(self.authors, bool)
+        state = eqx.tree_at(lambda s: s.drafts, state, self._write(for_drafts, state, everyone))
+        return state, self.observe(state)
+
+    def observe(self, state: State) -> PerRole:
+        """See `roles`."""
+        impact = self._seen_impact(state)
+        quality = state.drafts.level * (self.quality_max / TOP)
+        own = jnp.stack([quality, state.drafts.rejections.astype(float)], 1)
+        alike = jnp.broadcast_to(impact, (self.authors, self.journals))
+        papers = state.qualities.papers.astype(float)
+        return {
+            "author": jnp.concatenate([own, alike], 1),
+            "editor": jnp.stack([impact, papers], 1),
+        }
+
+    def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
+        """Submit, decide, publish, cite, write; at the end of a year, count."""
+        for_order, for_drafts = jax.random.split(key)
+        choice, share = action["author"], action["editor"]
+        if self.update == "synchronous":
+            everyone = jnp.ones(self.authors, bool)
+            after = self._act(for_drafts, state, choice, share, everyone)
+        else:
+            order = jax.random.permutation(for_order, self.authors)
+            keys = jax.random.split(for_drafts, self.authors)
+
+            def one(state: State, at: tuple[Array, Array]) -> tuple[State, None]:
+                author, key = at
+                return self._act(key, state, choice, share, jnp.arange(self.authors) == author), None
+
+            after, _ = lax.scan(one, state, (order, keys))
+        after = self._close(after)
+        over = after.time >= self.horizon
+        gained = after.standing.h_index - state.standing.h_index
+        change = jnp.nan_to_num(after.impact) - jnp.nan_to_num(state.impact)
+        agents = {"author": self.authors, "editor": self.journals}
+        return after, Outcome(
+            observation=self.observe(after),
+            reward={"author": gained.astype(float), "editor": change},
+            terminated={role: jnp.zeros(count, bool) for role, count in agents.items()},
+            truncated={role: jnp.broadcast_to(over, count) for role, count in agents.items()},
+            metrics={
+                "published": after.literature.published - state.literature.published,
+                "rejected": (after.rejected - state.rejected).sum(),
+            },
+        )
+
+    def year(self, state: State) -> Int[Array, ""]:
+        """The current year, from 1."""
+        return 1 + state.time // self.steps_per_year
+
+    # The parts of a step
+
+    def _act(
+        self,
+        key: Key[Array, ""],
+        state: State,
+        choice: Int[Array, "author"],
+        share: Float[Array, "journal"],
+        acting: Bool[Array, "author"],
+    ) -> State:
+        """What those who act do; drafts cite what there was before."""
+        journal = jnp.maximum(choice - 1, 0)
+        submits = acting & (choice > 0)
+        threshold = jnp.where(share < 0, -jnp.inf, state.qualities.quantile(jnp.maximum(share, 0)))
+        accepted = submits & (state.drafts.level >= threshold[journal])
+        refused = submits & ~accepted
+        drafts = self._write(key, state, accepted | (acting & (choice == 0)))
+        cited = jnp.where(accepted[:, None], state.drafts.cited, -1)
+        standing, counted = self._cite(state, cited, accepted)
+        return State(
+            quality=state.quality,
+            drafts=Drafts(drafts.level, drafts.cited, drafts.rejections + refused),
+            standing=standing,
+            literature=self._publish(state, counted, journal, accepted),
+            qualities=state.qualities.add(journal, state.drafts.level, accepted),
+            window=state.window,
+            this_year=state.this_year.at[journal].add(accepted.astype(jnp.int32)),
+            received=state.received + self._in_window(state, cited),
+            impact=state.impact,
+            rejected=state.rejected.at[journal].add(refused.astype(jnp.int32)),
+            time=state.time,
+        )
+
+    def _publish(
+        self,
+        state: State,
+        papers: Literature,
+        journal: Int[Array, "author"],
+        accepted: Bool[Array, "author"],
+    ) -> Literature:
+        """Append the accepted drafts to this step's block."""
+        level = jnp.where(accepted, state.drafts.level, 0)
+        block = INITIAL_YEARS + state.time
+        place_ = papers.published + jnp.cumsum(accepted) - 1
+        slot = jnp.where(accepted, place_, self.capacity)  # beyond: dropped
+        published = papers.published + accepted.sum()
+
+        def put(values: Array, new: Array) -> Array:
+            return values.at[slot].set(new, mode="drop")
+
+        return Literature(
+            level=put(papers.level, level),
+            prefix=put(papers.prefix, papers.total[block] + jnp.cumsum(level)),
+            author=put(papers.author, jnp.arange(self.authors)),
+            journal=put(papers.journal, journal),
+            block=put(papers.block, jnp.broadcast_to(block, accepted.shape)),
+            citations=papers.citations,
+            mark=papers.mark,
+            start=papers.start.at[block + 1].set(published),
+            total=papers.total.at[block].add(level.sum()),
+            published=published,
+            citable=papers.citable + (level > 0).sum(),
+        )
+
+    def _cite(
+        self, state: State, cited: Int[Array, "author reference"], accepted: Bool[Array, "author"]
+    ) -> tuple[Standing, Literature]:
+        """Count citations, and let h-indices rise; papers just published have none."""
+        papers, standing = state.literature, state.standing
+        events = cited.reshape(-1)
+        paper = jnp.where(events >= 0, events, self.capacity)
+        number = jnp.arange(len(events))
+        before = papers.citations.at[paper].get(mode="fill", fill_value=0)
+        citations = papers.citations.at[paper].add(1, mode="drop")
+        after = citations.at[paper].get(mode="fill", fill_value=0)
+        mark = papers.mark.at[paper].set(number, mode="drop")
+        once = mark.at[paper].get(mode="fill", fill_value=-1) == number  # each paper, once
+        owner = papers.author.at[paper].get(mode="fill", fill_value=-1)
+        owner = jnp.where(once & (owner >= 0), owner, self.authors)  # beyond: dropped
+        top = standing.tally.shape[1] - 1
+        tally = standing.tally.at[:, 0].add(accepted.astype(jnp.int32))
+        tally = tally.at[owner, jnp.minimum(before, top)].add(-1, mode="drop")
+        tally = tally.at[owner, jnp.minimum(after, top)].add(1, mode="drop")
+        h_index = standing.h_index
+        passes = h_index.at[owner].get(mode="fill", fill_value=0)
+        passes = (before <= passes) & (after > passes)
+        above = standing.above.at[owner].add(passes.astype(jnp.int32), mode="drop")
+
+        def rising(at: tuple[Array, Array]) -> Array:
+            return (at[1] > at[0]).any()
+
+        def rise(at: tuple[Array, Array]) -> tuple[Array, Array]:
+            h_index, above = at
+            up = above > h_index
+            h_index = h_index + up
+            exactly = jnp.take_along_axis(tally, h_index[:, None], 1)[:, 0]
+            return h_index, above - jnp.where(up, exactly, 0)
+
+        standing = Standing(*lax.while_loop(rising, rise, (h_index, above)), tally)
+        counted = eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
+        return standing, counted
+
+    def _in_window(
+        self, state: State, cited: Int[Array, "author reference"]
+    ) -> Int[Array, "journal"]:
+        """Citations, by the cited papers' journals, of papers of the two years before."""
+        papers, paper = state.literature, jnp.maximum(cited, 0)
+        age = self.year(state) - year_of(papers.block[paper], self.steps_per_year)
+        counts = (cited >= 0) & ((age == 1) | (age == 2))
+        return jnp.zeros(self.journals, jnp.int32).at[papers.journal[paper]].add(counts)
+
+    def _close(self, state: State) -> State:
+        """Let time pass; a year that ends gives its impact factors and becomes the year before."""
+        time = state.time + 1
+        ends = time % self.steps_per_year == 0
+        shifted = jnp.stack([state.this_year, state.window[:, 0]], 1)
+        impact = self._impact(state.received, state.window.sum(1))
+        return eqx.tree_at(
+            lambda s: (s.window, s.this_year, s.received, s.impact, s.time),
+            state,
+            (
+                jnp.where(ends, shifted, state.window),
+                jnp.where(ends, 0, state.this_year),
+                jnp.where(ends, 0, state.received),
+                jnp.where(ends, impact, state.impact),
+                time,
+            ),
+        )
+
+    def _write(
+        self, key: Key[Array, ""], state: State, who: Bool[Array, "author"]
+    ) -> Drafts:
+        """New drafts of those who write, the old ones of the others."""
+        for_quality, for_cited = jax.random.split(key)
+        spread = self.sigma * jax.random.normal(for_quality, (self.authors,))
+        level = self._levels(state.quality + spread)
+        papers = state.literature
+        needed = jnp.where(who, jnp.minimum(self.references, papers.citable), 0)
+        drawn = draw(papers, self.year(state), self.steps_per_year, self.authors)
+        cited = distinct(for_cited, drawn, needed, self.references)
+        return Drafts(
+            jnp.where(who, level, state.drafts.level),
+            jnp.where(who[:, None], cited, state.drafts.cited),
+            jnp.where(who, 0, state.drafts.rejections),
+        )
+
+    # What it is made of
+
+    def _library(
+        self,
+        level: Int[Array, "paper"],
+        year: Int[Array, "paper"],
+        journal: Int[Array, "paper"],
+        cited: Int[Array, "paper reference"],
+    ) -> Literature:
+        """The initial papers, with room for those to come."""
+        papers, blocks = self.initial_papers, INITIAL_YEARS + self.horizon
+        bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
+        total = jnp.zeros(blocks, jnp.int32).at[year].add(level)
+        whole = jnp.cumsum(level)
+        before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
+
+        def room(values: Array, fill: int = 0) -> Array:
+            return jnp.full(self.capacity, fill, jnp.int32).at[:papers].set(values)
+
+        return Literature(
+            level=room(level),
+            prefix=room(whole - before[bounds[year]]),
+            author=room(jnp.full(papers, -1), -1),
+            journal=room(journal),
+            block=room(year),
+            citations=room(jnp.zeros(papers, jnp.int32)).at[cited].add(cited >= 0),
+            mark=room(jnp.zeros(papers, jnp.int32)),
+            start=jnp.full(blocks + 1, papers, jnp.int32).at[: INITIAL_YEARS + 1].set(bounds),
+            total=total,
+            published=jnp.int32(papers),
+            citable=(level > 0).sum(),
+        )
+
+    def _impact(
+        self, received: Int[Array, "journal"], papers: Int[Array, "journal"]
+    ) -> Float[Array, "journal"]:
+        if self.if_window == "intersection":  # no paper is of two years
+            received = jnp.zeros_like(received)
+        return impact_factor(received, papers, self.undefined_if)
+
+    def _seen_impact(self, state: State) -> Float[Array, "journal"]:
+        impact = state.impact
+        if self.if_timing == "running":
+            impact = self._impact(state.received, state.window.sum(1))
+        return jnp.where(jnp.isnan(impact), -1.0, impact)
+
+    def _power_law(self, key: Key[Array, ""], size: int) -> Float[Array, "..."]:
+        return power_law(
+            key,
+            (size,),
+            slope=self.slope,
+            greatest=self.greatest,
+            quality_max=self.quality_max,
+            scale=self.quality_scale,
+        )
+
+    def _levels(self, quality: Float[Array, "..."]) -> Int[Array, "..."]:
+        share = jnp.clip(quality / self.quality_max, 0.0, 1.0)
+        return jnp.round(share * TOP).astype(jnp.int32)
+
+    def _require_room(self) -> None:
+        words = max(self.authors, self.initial_papers) * TOP
+        if self.capacity > LARGEST_INDEX or words > LARGEST_INDEX:
+            raise TooLarge(
+                f"{self.authors} authors over {self.horizon} steps could publish "
+                f"{readable_count(self.capacity)} papers; allowed: {readable_count(LARGEST_INDEX)} "
+                f"papers, and at most {LARGEST_INDEX // TOP} of them in a step or initially."
+            )
+

@@ -1,0 +1,346 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+from ethogram.core.errors import InvalidSettings, TooLarge
+from ethogram.worlds.publishing import Publishing
+from ethogram.worlds.publishing.initial import distance, initial_references, power_law
+from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, recency, within
+from ethogram.worlds.publishing.policies import Minded, Random, static
+
+SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
+
+
+def play(world, author, editor, seed=0):
+    """Every state of an episode, from the first, and all outcomes; arrays have time first."""
+    policy = static(world, author, editor)
+
+    @jax.jit
+    def run(key):
+        for_start, for_steps = jax.random.split(key)
+        start = world.reset(for_start)
+
+        def step(at, key):
+            state, seen = at
+            for_choice, for_world = jax.random.split(key)
+            action = policy(for_choice, seen)
+            after, outcome = world.step(for_world, state, action)
+            return (after, outcome.observation), (state, action, outcome)
+
+        (last, _), (states, actions, outcomes) = jax.lax.scan(
+            step, start, jax.random.split(for_steps, world.horizon)
+        )
+        return states, last, actions, outcomes
+
+    states, last, actions, outcomes = run(jax.random.key(seed))
+    whole = jax.tree.map(lambda many, one: np.concatenate([many, one[None]]), states, last)
+    return whole, jax.tree.map(np.asarray, actions), outcomes
+
+
+def at(states, time):
+    return jax.tree.map(lambda leaf: leaf[time], states)
+
+
+@pytest.fixture(scope="module", params=["synchronous", "sequential"])
+def played(request):
+    world = Publishing(
+        authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4, update=request.param
+    )
+    return world, *play(world, "random", "mild_scrutiny")
+
+
+def told(world, states):
+    """Every paper as (block, author, journal, level, what it cites), from drafts that came out."""
+    first = at(states, 0).literature
+    papers = [
+        (int(first.block[p]), -1, int(first.journal[p]), int(first.level[p]), [])
+        for p in range(world.initial_papers)
+    ]
+    for time in range(world.horizon):
+        before, after = at(states, time), at(states, time + 1)
+        new = slice(int(before.literature.published), int(after.literature.published))
+        for number in range(new.start, new.stop):
+            author = int(after.literature.author[number])
+            cited = [p for p in before.drafts.cited[author].tolist() if p >= 0]
+            level, journal = int(before.drafts.level[author]), after.literature.journal[number]
+            papers.append((3 + time, author, int(journal), level, cited))
+    return papers
+
+
+def test_papers_come_out_as_they_were_drafted(played):
+    world, states, *_ = played
+    papers = told(world, states)
+    last = at(states, -1).literature
+    assert len(papers) == last.published > world.initial_papers + 20
+    for number, (block, _, _, level, cited) in enumerate(papers):
+        assert (last.level[number], last.block[number]) == (level, block)
+        assert len(set(cited)) == len(cited)
+        assert all(papers[p][0] < block for p in cited), "only what was published before"
+
+
+def test_h_indices_are_those_of_counting_anew(played):
+    world, states, *_ = played
+    papers, initial = told(world, states), at(states, 0).literature.citations
+    for time in range(0, world.horizon + 1):
+        state = at(states, time)
+        citations = initial.copy()
+        for *_, cited in papers[world.initial_papers : state.literature.published]:
+            citations[cited] += 1
+        np.testing.assert_array_equal(state.literature.citations, citations)
+        for author in range(world.authors):
+            own = sorted(
+                (citations[p] for p in range(state.literature.published) if papers[p][1] == author),
+                reverse=True,
+            )
+            expected = max((min(i, c) for i, c in enumerate(own, 1)), default=0)
+            assert state.standing.h_index[author] == expected
+    assert at(states, -1).standing.h_index.max() >= 2
+
+
+def test_impact_factors_are_those_of_equation_7_3(played):
+    world, states, *_ = played
+    papers = told(world, states)
+
+    def year(paper):
+        block = papers[paper][0]
+        return block - 2 if block < 3 else 1 + (block - 3) // world.steps_per_year
+
+    for ended in range(1, world.years + 1):
+        state = at(states, ended * world.steps_per_year)
+        for journal in range(world.journals):
+            window = {
+                p
+                for p in range(state.literature.published)
+                if papers[p][2] == journal and year(p) in (ended - 1, ended - 2)
+            }
+            citing = [p for p in range(state.literature.published) if year(p) == ended]
+            got = sum(c in window for p in citing for c in papers[p][4])
+            if window:
+                np.testing.assert_allclose(state.impact[journal], got / len(window), rtol=1e-6)
+            else:
+                assert np.isnan(state.impact[journal])
+
+
+def test_editors_accept_what_is_at_least_their_quartile(played):
+    world, states, actions, _ = played
+    if world.update == "sequential":
+        pytest.skip("thresholds move within a step")
+    for time in range(world.horizon):
+        before, after = at(states, time), at(states, time + 1)
+        papers = before.literature
+        for author in range(world.authors):
+            choice = actions["author"][time, author]
+            new = after.literature.author[papers.published : after.literature.published]
+            if choice == 0:
+                assert author not in new
+                assert after.drafts.rejections[author] == 0
+                continue
+            own = papers.level[: papers.published][
+                papers.journal[: papers.published] == choice - 1
+            ]
+            threshold = np.quantile(own, 0.25) if len(own) else -1
+            accepted = before.drafts.level[author] >= threshold - 1e-3
+            assert (author in new) == accepted
+            expected = 0 if accepted else before.drafts.rejections[author] + 1
+            assert after.drafts.rejections[author] == expected
+
+
+def test_rewards_are_changes_of_h_index_and_at_the_years_end_of_impact_factor(played):
+    world, states, _, outcomes = played
+    np.testing.assert_array_equal(
+        outcomes.reward["author"].sum(0), at(states, -1).standing.h_index
+    )
+    change = np.nan_to_num(states.impact[1:]) - np.nan_to_num(states.impact[:-1])
+    np.testing.assert_allclose(outcomes.reward["editor"], change, atol=1e-6)
+    quiet = (np.arange(world.horizon) + 1) % world.steps_per_year != 0
+    assert not np.asarray(outcomes.reward["editor"])[quiet].any()
+    assert np.asarray(outcomes.truncated["author"]).all(1).tolist() == [False] * 19 + [True]
+
+
+def test_under_improve_only_thresholds_never_fall():
+    states, *_ = play(SMALL, "random", "improve_only")
+    halves = jnp.full(SMALL.journals, 0.5)
+    medians = jax.jit(jax.vmap(lambda q: q.quantile(halves)))(states.qualities)
+    there = np.asarray(jax.vmap(lambda q: q.papers)(states.qualities)) > 0
+    rises = np.diff(medians, axis=0)[there[:-1]]
+    assert (rises >= -1e-3).all()
+    assert (rises > 1).any()
+
+
+def test_quantiles_are_numpys():
+    papers = jax.tree.map(jnp.asarray, at(play(SMALL, "random", "accept_everything")[0], -1))
+    shares = jnp.linspace(0, 1, SMALL.journals)
+    found = papers.qualities.quantile(shares)
+    written = papers.literature.level[: papers.literature.published]
+    where = papers.literature.journal[: papers.literature.published]
+    expected = [np.quantile(written[where == j], shares[j]) for j in range(SMALL.journals)]
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-2)
+
+
+# References
+
+
+def test_references_are_drawn_by_quality_and_recency():
+    state = at(play(SMALL, "random", "accept_everything")[0], 11)
+    papers = jax.tree.map(jnp.asarray, state.literature)
+    drafts = 4000
+    year = jnp.int32(3)
+    drawn = jax.jit(draw(papers, year, SMALL.steps_per_year, drafts))(jax.random.key(0))
+    number = int(papers.published)
+    block = np.asarray(papers.block[:number])
+    age = 3 - np.where(block < 3, block - 2, 1 + (block - 3) // 4)
+    weight = np.asarray(papers.level[:number]) / np.maximum(1, age) ** 3.0
+    expected = weight / weight.sum() * drawn.size
+    counts = np.bincount(np.asarray(drawn).ravel(), minlength=number)
+    enough = expected > 5
+    seen = np.append(counts[enough], counts[~enough].sum())
+    asked = np.append(expected[enough], expected[~enough].sum())
+    assert scipy.stats.chisquare(seen, asked).pvalue > 0.001
+
+
+def test_successive_references_have_the_exact_probabilities():
+    """Two of three papers with weights 1, 2 and 3: all six orders."""
+    weights = np.array([1, 2, 3])
+
+    def drawn(key):
+        return within(
+            jnp.cumsum(jnp.asarray(weights)),
+            jnp.zeros((6000, 4), jnp.int32),
+            jnp.full((6000, 4), 3),
+            jax.random.randint(key, (6000, 4), 0, 6),
+        )
+
+    found = distinct(jax.random.key(3), drawn, jnp.full(6000, 2), 2)
+    for first in range(3):
+        for second in {0, 1, 2} - {first}:
+            chance = weights[first] / 6 * weights[second] / (6 - weights[first])
+            count = int(((found[:, 0] == first) & (found[:, 1] == second)).sum())
+            assert abs(count - 6000 * chance) < 5 * np.sqrt(6000 * chance)
+
+
+def test_where_fewer_papers_are_than_references_all_are_cited():
+    world = Publishing(authors=3, journals=10, initial_papers=4, years=1, references=6)
+    state, _ = world.reset(jax.random.key(0))
+    citable = int(state.literature.citable)
+    assert 0 < citable <= 4
+    for cited in np.asarray(state.drafts.cited):
+        assert (cited >= 0).sum() == citable
+        assert len(set(cited[cited >= 0].tolist())) == citable
+
+
+def test_initial_papers_cite_those_before_them():
+    level = jnp.asarray(np.random.default_rng(0).integers(1, LEVELS, 50))
+    year = jnp.asarray(np.repeat([0, 1, 2], [20, 20, 10]))
+    cited = np.asarray(initial_references(jax.random.key(0), level, year, 5))
+    for paper, row in enumerate(cited):
+        row = row[row >= 0]
+        assert len(set(row.tolist())) == len(row) == min(5, paper)
+        assert (row < paper).all()
+
+
+# The initial state
+
+
+def test_two_phases_bring_the_impact_factors_near_to_the_real_ones():
+    world = Publishing()
+
+    def found(key, assign):
+        state, _ = Publishing(init_assignment=assign).reset(key)
+        papers = state.literature
+        counts = jnp.zeros(world.journals).at[papers.journal].add(
+            (papers.block < 2) & (jnp.arange(world.capacity) < papers.published)
+        )
+        received = jnp.round(jnp.nan_to_num(state.impact) * counts).astype(int)
+        return distance(received, counts.astype(int))
+
+    keys = jax.random.split(jax.random.key(0), 4)
+    two, anywhere = (
+        jax.jit(jax.vmap(lambda key, assign=assign: found(key, assign)))(keys)
+        for assign in ("two_phase", "random")
+    )
+    assert two.max() <= 0.08
+    assert anywhere.min() > 0.3
+
+
+def test_qualities_follow_the_power_law():
+    found = power_law(
+        jax.random.key(0),
+        (20_000,),
+        slope=1.5,
+        greatest=5.0,
+        quality_max=15.0,
+        scale="linear",
+    )
+    x = 1 + 4 * np.asarray(found) / 15
+    reach = (1 - x**-0.5) / (1 - 5**-0.5)  # the distribution function
+    assert scipy.stats.kstest(reach, "uniform").pvalue > 0.001
+
+
+@pytest.mark.parametrize(("steps", "authors"), [(10, 100), (60, 20)])
+def test_at_constant_flow_the_mean_impact_factor_is_what_follows_from_recency(steps, authors):
+    """And tends to n_ref x 1.125 ln((S + 1) / S) / 2 as steps become short.
+
+    S is the sum of 1 / d^3 over the years before.  A draft of step s of a year cites a share s / k
+    of this year's papers, and comes out a step later: that of the last step in the next year.
+    """
+    world = Publishing(authors=authors, years=20, steps_per_year=steps)
+    states, *_ = play(world, "random", "accept_everything")
+    found = []
+    for year in range(12, 21):
+        impact = at(states, steps * year).impact
+        found.append(np.average(impact, weights=at(states, steps * year - 1).window.sum(1)))
+    before, share = sum(1 / d**3 for d in range(1, 20)), np.arange(steps) / steps
+    shares = 1.125 / (share[:-1] + before)
+    late = (share[-1] + 1) / (share[-1] + before)
+    expected = world.references * (shares.sum() + late) / steps / 2
+    assert np.mean(found) == pytest.approx(expected, rel=0.02)
+    limit = world.references * 1.125 * np.log((before + 1) / before) / 2
+    assert limit == pytest.approx(3.41, abs=0.005)
+    assert 0 < expected - limit < 3.1 / steps
+
+
+# Policies
+
+
+def test_random_authors_go_anywhere_and_give_up_after_ten_rejections():
+    seen = jnp.zeros((3000, 2 + 5)).at[1:, 1].set(10.0).at[0, 1].set(11.0)
+    chosen = np.asarray(Random()(jax.random.key(0), seen))
+    assert chosen[0] == 0
+    counts = np.bincount(chosen[1:], minlength=6)[1:]
+    assert scipy.stats.chisquare(counts).pvalue > 0.001
+
+
+def minded(quality, rejections, impact, **settings):
+    seen = jnp.concatenate(
+        [jnp.tile(jnp.array([quality, rejections]), (400, 1)), jnp.tile(impact, (400, 1))], 1
+    )
+    return set(np.asarray(Minded(15.0, **settings)(jax.random.key(0), seen)).tolist())
+
+
+def test_minded_authors_match_quality_to_rank():
+    impact = jnp.array([3.0, -1.0, 5.0, 1.0, 4.0, 2.0])  # ranks, rising: 2 4 6 1 5 3
+    three = {"bins": 3}
+    assert minded(15.0, 0, impact, **three) == {3, 5}
+    assert minded(14.9, 0, impact, **three) == {1, 6}
+    assert minded(4.9, 0, impact, **three) == {2, 4}
+    assert minded(14.9, 1, impact, **three) == {2, 4}
+    assert minded(14.9, 7, impact, **three) == {2, 4}
+    assert minded(15.0, 0, impact, bins=4) == {3, 5}
+    assert minded(0.0, 0, impact, bins=4) == {2}
+    assert minded(15.0, 0, impact, bins=4, remainder="drop") == {3}
+    assert minded(14.9, 0, impact, rule="literal_clamped", **three) == {3, 5}
+    assert minded(0.0, 9, impact, rule="literal_clamped", **three) == {3, 5}
+    assert minded(14.9, 3, impact, max_rejections=2, **three) == {0}
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(InvalidSettings, match="bins = 10.*there are journals, 6"):
+        minded(1.0, 0, jnp.zeros(6))
+    with pytest.raises(InvalidSettings, match="author = 'rnadom'; allowed: random, minded"):
+        static(SMALL, "rnadom", "mild_scrutiny")
+    with pytest.raises(TooLarge, match="could publish"):
+        Publishing(authors=100_000, years=10_000).reset(jax.random.key(0))
+    with pytest.raises(InvalidSettings, match="greatest"):
+        Publishing(greatest=1.0)
