@@ -1,3 +1,4 @@
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +8,7 @@ import scipy.stats
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
-from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, recency, within
+from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, within
 from ethogram.worlds.publishing.policies import Minded, Random, static
 
 SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
@@ -137,9 +138,7 @@ def test_editors_accept_what_is_at_least_their_quartile(played):
                 assert author not in new
                 assert after.drafts.rejections[author] == 0
                 continue
-            own = papers.level[: papers.published][
-                papers.journal[: papers.published] == choice - 1
-            ]
+            own = papers.level[: papers.published][papers.journal[: papers.published] == choice - 1]
             threshold = np.quantile(own, 0.25) if len(own) else -1
             accepted = before.drafts.level[author] >= threshold - 1e-3
             assert (author in new) == accepted
@@ -149,9 +148,7 @@ def test_editors_accept_what_is_at_least_their_quartile(played):
 
 def test_rewards_are_changes_of_h_index_and_at_the_years_end_of_impact_factor(played):
     world, states, _, outcomes = played
-    np.testing.assert_array_equal(
-        outcomes.reward["author"].sum(0), at(states, -1).standing.h_index
-    )
+    np.testing.assert_array_equal(outcomes.reward["author"].sum(0), at(states, -1).standing.h_index)
     change = np.nan_to_num(states.impact[1:]) - np.nan_to_num(states.impact[:-1])
     np.testing.assert_allclose(outcomes.reward["editor"], change, atol=1e-6)
     quiet = (np.arange(world.horizon) + 1) % world.steps_per_year != 0
@@ -177,6 +174,63 @@ def test_quantiles_are_numpys():
     where = papers.literature.journal[: papers.literature.published]
     expected = [np.quantile(written[where == j], shares[j]) for j in range(SMALL.journals)]
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-2)
+
+
+def test_three_authors_and_two_journals_worked_by_hand():
+    """Two years of two steps; qualities 12, 6 and 3, without spread; each paper cites one.
+
+    Nothing has been published: the initial paper is taken away.
+    """
+    world = Publishing(
+        authors=3, journals=2, initial_papers=1, years=2, steps_per_year=2, references=1, sigma=0.0
+    )
+    step = eqx.filter_jit(Publishing.step)
+    state, _ = world.reset(jax.random.key(0))
+    level = jnp.round(jnp.array([12.0, 6.0, 3.0]) / 15 * (LEVELS - 1)).astype(int)
+    zero = jax.tree.map(jnp.zeros_like, (state.literature, state.qualities, state.window))
+    draftless = jnp.full((3, 1), -1)
+    state = eqx.tree_at(
+        lambda s: (s.quality, s.drafts.level, s.drafts.cited, s.literature, s.qualities, s.window),
+        state,
+        (jnp.array([12.0, 6.0, 3.0]), level, draftless, *zero),
+    )
+
+    def go(number, author, editor):
+        nonlocal state
+        action = {"author": jnp.array(author), "editor": jnp.array(editor)}
+        state, outcome = step(world, jax.random.key(number), state, action)
+        return outcome
+
+    # year 1: empty journals accept whatever their editors ask for; nothing there is to cite
+    go(0, [1, 1, 2], [1.0, 1.0])
+    assert state.literature.published == 3
+    assert state.literature.journal[:3].tolist() == [0, 0, 1]
+    assert (state.drafts.cited == -1).all()
+    # journal 1 asks for its best, 12: only author 0 passes; author 2 writes anew, and cites
+    go(1, [1, 1, 0], [1.0, 0.0])
+    assert state.literature.published == 4
+    assert state.drafts.rejections.tolist() == [0, 1, 0]
+    assert state.rejected.tolist() == [1, 0]
+    assert (np.asarray(state.drafts.cited[:, 0]) >= 0).tolist() == [True, False, True]
+    assert int(state.drafts.cited[:, 0].max()) <= 2, "what came out in this step is not known yet"
+    assert state.impact.tolist() == pytest.approx([np.nan] * 2, nan_ok=True)
+    assert state.window.tolist() == [[3, 0], [1, 0]]
+    # year 2: the two drafts that cite come out, author 1 tries the other journal, whose best is 3
+    cited = [int(state.drafts.cited[author, 0]) for author in (0, 2)]
+    outcome = go(2, [2, 2, 2], [1.0, 1.0])
+    assert state.literature.published == 7
+    citations = np.bincount(cited, minlength=7)
+    np.testing.assert_array_equal(state.literature.citations[:7], citations)
+    # a cited paper has an author with an h-index of 1, whoever cites it
+    owners = [[0, 1, 2][paper] for paper in cited]
+    assert state.standing.h_index.tolist() == [int(author in owners) for author in range(3)]
+    np.testing.assert_array_equal(outcome.reward["author"], state.standing.h_index)
+    # the year ends with nothing more: both citations are of papers of the year before
+    outcome = go(3, [0, 0, 0], [0.0, 0.0])
+    of_journal = np.bincount([[0, 0, 1][paper] for paper in cited], minlength=2)
+    np.testing.assert_allclose(state.impact, of_journal / [3, 1])
+    np.testing.assert_allclose(outcome.reward["editor"], of_journal / [3, 1])
+    assert outcome.truncated["author"].all()
 
 
 # References
@@ -249,8 +303,10 @@ def test_two_phases_bring_the_impact_factors_near_to_the_real_ones():
     def found(key, assign):
         state, _ = Publishing(init_assignment=assign).reset(key)
         papers = state.literature
-        counts = jnp.zeros(world.journals).at[papers.journal].add(
-            (papers.block < 2) & (jnp.arange(world.capacity) < papers.published)
+        counts = (
+            jnp.zeros(world.journals)
+            .at[papers.journal]
+            .add((papers.block < 2) & (jnp.arange(world.capacity) < papers.published))
         )
         received = jnp.round(jnp.nan_to_num(state.impact) * counts).astype(int)
         return distance(received, counts.astype(int))
@@ -336,7 +392,7 @@ def test_minded_authors_match_quality_to_rank():
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(InvalidSettings, match="bins = 10.*there are journals, 6"):
+    with pytest.raises(InvalidSettings, match=r"bins = 10; .* there are journals, 6"):
         minded(1.0, 0, jnp.zeros(6))
     with pytest.raises(InvalidSettings, match="author = 'rnadom'; allowed: random, minded"):
         static(SMALL, "rnadom", "mild_scrutiny")

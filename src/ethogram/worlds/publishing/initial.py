@@ -4,8 +4,9 @@ Thesis, section 7.3.5.  Papers belong to the years -2, -1 and 0, each with equal
 those before them.  `assign` places them in journals:
 
 - "two_phase": papers and references are drawn first; then the papers of the years -2 and -1, those
-  that count for the impact factors of year 0, are placed in random order, with their citations known,
-  each in the journal that brings the distribution of rounded impact factors nearest to the real one;
+  that count for the impact factors of year 0, are placed in random order, with their citations
+  known, each in the journal that brings the distribution of rounded impact factors nearest to the
+  real one (journals without papers are in no bin, and count among all);
 - "online": as printed, paper by paper as they are drawn, with the citations there are so far;
 - "random": anywhere.
 
@@ -22,7 +23,7 @@ from jaxtyping import Bool, Float, Int, Key
 
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
-from ethogram.worlds.publishing.literature import INITIAL_YEARS, AT_ONCE, distinct, recency, within
+from ethogram.worlds.publishing.literature import AT_ONCE, INITIAL_YEARS, distinct, recency, within
 
 Assignment = Literal["two_phase", "online", "random"]
 Scale = Literal["linear", "none"]
@@ -83,14 +84,10 @@ def initial_references(
 
 
 def histogram(
-    received: Float[Array, "journal"], papers: Float[Array, "journal"]
+    received: Int[Array, "journal"], papers: Int[Array, "journal"]
 ) -> Float[Array, "bin"]:
     """Shares of journals by rounded impact factor; those without papers are in no bin."""
-    rounded = jnp.round(received / jnp.maximum(papers, 1)).astype(jnp.int32)
-    bins = jnp.minimum(rounded, len(AIM) - 1)
-    there = papers > 0
-    counts = jnp.zeros(len(AIM)).at[bins].add(there)
-    return counts / jnp.maximum(there.sum(), 1)
+    return jnp.zeros(len(AIM)).at[_bins(received, papers)].add(papers > 0) / len(papers)
 
 
 def distance(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Float[Array, ""]:
@@ -147,16 +144,16 @@ def _nearest(
     """The journal that a paper should join so that the distribution is nearest to the real one."""
     one = counts.astype(jnp.int32)
     there = papers > 0
-
-    def bins(got: Array, size: Array) -> Array:
-        rounded = jnp.round(got / jnp.maximum(size, 1)).astype(jnp.int32)
-        return jnp.minimum(rounded, len(AIM) - 1)
-
-    now = jax.nn.one_hot(bins(received, papers), len(AIM)) * there[:, None]
-    then = jax.nn.one_hot(bins(received + gain, papers + one), len(AIM))
+    now = jax.nn.one_hot(_bins(received, papers), len(AIM)) * there[:, None]
+    then = jax.nn.one_hot(_bins(received + gain, papers + one), len(AIM))
     then = then * (there | counts)[:, None]
     tally = now.sum(0) - now + then  # journal, bin: if it joins there
-    size = there.sum() + (counts & ~there)
-    away = jnp.linalg.norm(tally / jnp.maximum(size, 1)[:, None] - AIM, axis=1)
+    away = jnp.linalg.norm(tally / len(papers) - AIM, axis=1)
     tied = away <= away.min() + 1e-6
     return jnp.argmax(jnp.where(tied, jax.random.uniform(key, away.shape), -1.0))
+
+
+def _bins(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Int[Array, "journal"]:
+    """The rounded impact factor of each journal; the last bin is of all that are larger."""
+    rounded = jnp.round(received / jnp.maximum(papers, 1)).astype(jnp.int32)
+    return jnp.minimum(rounded, len(AIM) - 1)

@@ -1,7 +1,7 @@
 """What journals are judged by: impact factors, and the qualities that they have published.
 
-The qualities of a journal's papers are kept as counts, of coarse bins and of levels: the paper of any
-rank is found by two short sums, however many papers there are.
+The qualities of a journal's papers are kept as counts, of coarse bins and of levels: the paper of
+any rank is found by two short sums, however many papers there are.
 """
 
 import equinox as eqx

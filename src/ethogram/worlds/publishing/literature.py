@@ -1,8 +1,8 @@
 """What has been published: papers as arrays of a fixed capacity, and how drafts choose references.
 
 Papers stand in the order in which they were published, in blocks: one for each initial year, then
-one for each step.  A paper's quality is one of `LEVELS` whole numbers, so that sums of qualities are
-exact in 32 bits: `prefix` adds them up within a block.
+one for each step.  A paper's quality is one of `LEVELS` whole numbers, so that sums of qualities
+are exact in 32 bits: `prefix` adds them up within a block.
 
 A draft cites distinct papers, each with a chance in proportion to quality times recency,
 1 / max(1, age^3), with the age in years at the time of writing.  Recency is that of a block, so a
@@ -54,9 +54,7 @@ def recency(age: Int[Array, "..."]) -> Float[Array, "..."]:
     return 1.0 / jnp.maximum(1, age).astype(float) ** 3
 
 
-def draw(
-    literature: Literature, year: Int[Array, ""], steps_per_year: int, drafts: int
-) -> Draw:
+def draw(literature: Literature, year: Int[Array, ""], steps_per_year: int, drafts: int) -> Draw:
     """Draws of papers that a draft of this year would cite, with repetitions."""
     blocks = jnp.arange(len(literature.total))
     age = year - year_of(blocks, steps_per_year)

@@ -1,21 +1,21 @@
 """The world of chapter 7: authors write and submit papers, editors accept or reject them.
 
-A year has `steps_per_year` steps.  In each step every author writes anew or submits the draft at hand
-to a journal; the journal's editor accepts it if its quality is at least a quantile, of the editor's
-choice, of what the journal has published (an empty journal accepts).  An accepted paper is published
-in the current year and its author begins another draft; a rejected one stays the author's draft.  A
-draft has a quality, Normal(author's quality, sigma) within [0, q_max], and cites `references` papers
-(`literature`).  Its citations count once it is published.
+A year has `steps_per_year` steps.  In each step every author writes anew or submits the draft at
+hand to a journal; the journal's editor accepts it if its quality is at least a quantile, of the
+editor's choice, of what the journal has published (an empty journal accepts).  An accepted paper is
+published in the current year and its author begins another draft; a rejected one stays the author's
+draft.  A draft has a quality, Normal(author's quality, sigma) within [0, q_max], and cites
+`references` papers (`literature`).  Its citations count once it is published.
 
 Authors are rewarded by the change of their h-index (eq. 7.1), editors by the change of their
 journal's impact factor (eq. 7.3) at the end of a year.  Within a step everyone acts on what there
 was at its start (`update="synchronous"`), or one author after the other in random order.
 
-Deviations and readings, each a setting with its literal form: impact factors are of the union of the
-two years before (`if_window`), known for the last complete year (`if_timing`), and undefined without
-papers (`undefined_if`).  Qualities are rounded to one of 16 384 levels, less than a thousandth of
-the spread of an author's papers: then sums and quantiles are exact.  An author publishes at most one
-paper a step, so all papers there can be fit in arrays made beforehand.
+Readings, each a setting with its literal form: impact factors are of the union of the two years
+before (`if_window`), known for the last complete year (`if_timing`), and undefined without papers
+(`undefined_if`).  Deviation: qualities are rounded to one of 16 384 levels, a thousandth of the
+spread of an author's papers apart; then sums and quantiles are exact.  An author publishes at most
+one paper a step, so all papers that there can be fit in arrays made beforehand.
 """
 
 from typing import Annotated, Literal
@@ -23,13 +23,12 @@ from typing import Annotated, Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import TooLarge
-from ethogram.core.memory import readable_bytes, readable_count
+from ethogram.core.memory import readable_count
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -78,7 +77,9 @@ class State(eqx.Module):
     standing: Standing
     literature: Literature
     qualities: Qualities
-    window: Int[Array, "journal 2"]  # papers of the year before this one, and of the one before that
+    window: Int[
+        Array, "journal 2"
+    ]  # papers of the year before this one, and of the one before that
     this_year: Int[Array, "journal"]  # papers
     received: Int[Array, "journal"]  # citations this year of papers in the window
     impact: Float[Array, "journal"]  # of the last complete year
@@ -94,7 +95,7 @@ class Publishing(World):
 
     authors: int = setting(100, Size, static=True)
     journals: int = setting(20, Annotated[int, Field(ge=1, le=10_000)], static=True)
-    initial_papers: int = setting(1000, Annotated[int, Field(ge=0, le=300_000)], static=True)
+    initial_papers: int = setting(1000, Annotated[int, Field(ge=1, le=100_000)], static=True)
     years: int = setting(20, Annotated[int, Field(ge=1, le=10_000)], static=True)
     steps_per_year: int = setting(10, Annotated[int, Field(ge=1, le=1000)], static=True)
     references: int = setting(10, Annotated[int, Field(ge=0, le=100)], static=True)
@@ -110,9 +111,7 @@ class Publishing(World):
     if_timing: Literal["complete", "running"] = setting(
         "complete", Literal["complete", "running"], static=True
     )
-    undefined_if: Number = setting(
-        float("nan"), Annotated[float, Field(allow_inf_nan=True)]
-    )  # of journals without papers in the window
+    undefined_if: Number | None = setting(None, float | None)  # without papers; None: no number
     update: Literal["synchronous", "sequential"] = setting(
         "synchronous", Literal["synchronous", "sequential"], static=True
     )
@@ -136,7 +135,9 @@ class Publishing(World):
         impact factor is not defined it is -1.
         """
         inf = float("inf")
-        author = Role(self.authors, Box(-1.0, inf, (2 + self.journals,)), Discrete(1 + self.journals))
+        author = Role(
+            self.authors, Box(-1.0, inf, (2 + self.journals,)), Discrete(1 + self.journals)
+        )
         editor = Role(self.journals, Box(-1.0, inf, (2,)), Box(ACCEPT_ALL, 1.0, ()))
         return {"author": author, "editor": editor}
 
@@ -149,7 +150,9 @@ class Publishing(World):
 
         """
         self._require_room()
-        for_authors, for_papers, for_years, for_cited, for_place, for_drafts = jax.random.split(key, 6)
+        for_authors, for_papers, for_years, for_cited, for_place, for_drafts = jax.random.split(
+            key, 6
+        )
         quality = self._power_law(for_authors, self.authors)
         level = self._levels(self._power_law(for_papers, self.initial_papers))
         year = jnp.sort(jax.random.randint(for_years, (self.initial_papers,), 0, INITIAL_YEARS))
@@ -203,7 +206,9 @@ class Publishing(World):
 
             def one(state: State, at: tuple[Array, Array]) -> tuple[State, None]:
                 author, key = at
-                return self._act(key, state, choice, share, jnp.arange(self.authors) == author), None
+                return self._act(
+                    key, state, choice, share, jnp.arange(self.authors) == author
+                ), None
 
             after, _ = lax.scan(one, state, (order, keys))
         after = self._close(after)
@@ -355,9 +360,7 @@ class Publishing(World):
             ),
         )
 
-    def _write(
-        self, key: Key[Array, ""], state: State, who: Bool[Array, "author"]
-    ) -> Drafts:
+    def _write(self, key: Key[Array, ""], state: State, who: Bool[Array, "author"]) -> Drafts:
         """New drafts of those who write, the old ones of the others."""
         for_quality, for_cited = jax.random.split(key)
         spread = self.sigma * jax.random.normal(for_quality, (self.authors,))
@@ -410,7 +413,8 @@ class Publishing(World):
     ) -> Float[Array, "journal"]:
         if self.if_window == "intersection":  # no paper is of two years
             received = jnp.zeros_like(received)
-        return impact_factor(received, papers, self.undefined_if)
+        undefined = jnp.nan if self.undefined_if is None else self.undefined_if
+        return impact_factor(received, papers, undefined)
 
     def _seen_impact(self, state: State) -> Float[Array, "journal"]:
         impact = state.impact
@@ -440,4 +444,3 @@ class Publishing(World):
                 f"{readable_count(self.capacity)} papers; allowed: {readable_count(LARGEST_INDEX)} "
                 f"papers, and at most {LARGEST_INDEX // TOP} of them in a step or initially."
             )
-
