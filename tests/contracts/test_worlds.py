@@ -12,6 +12,7 @@ from ethogram.core.world import World
 from ethogram.worlds import WORLDS
 
 STEPS = 12
+EAGER = 3  # of them: each may compile its loops anew
 
 
 @pytest.fixture(scope="module", params=WORLDS.names())
@@ -25,17 +26,17 @@ def played(request):
         traces.append(None)
         return world.step(key, state, action)
 
-    def run(step):
+    def run(step, count=STEPS):
         state, observation = world.reset(jax.random.key(1))
         steps = []
-        for number in range(STEPS):
+        for number in range(count):
             key = jax.random.key(number)
             action = {name: _sample(key, role) for name, role in world.roles.items()}
             state, outcome = step(world, key, state, action)
             steps.append((action, state, outcome))
         return observation, steps
 
-    return world, run(step), run(type(world).step), run(step), traces
+    return world, run(step), run(type(world).step, EAGER), run(step), traces
 
 
 def _sample(key, role):
@@ -58,7 +59,8 @@ def test_it_is_a_world_with_roles_and_a_horizon(played):
 
 
 def test_jitted_steps_equal_eager_ones(played):
-    _, jitted, eager, *_ = played
+    _, (start, steps), eager, *_ = played
+    jitted = start, steps[:EAGER]
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5), jitted, eager)
 
 

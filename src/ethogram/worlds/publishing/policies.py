@@ -6,6 +6,7 @@ rejection.  Editors: `editor(share)` turns away what is below a quantile of what
 published.
 """
 
+from collections.abc import Callable
 from typing import Literal
 
 import equinox as eqx
@@ -19,6 +20,8 @@ from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
 from ethogram.core.world import PerRole
 from ethogram.worlds.publishing.world import ACCEPT_ALL, Publishing
+
+RolePolicy = Callable[[Key[Array, ""], Array], Array]  # (key, observation) -> action
 
 SHARES = {"accept_everything": ACCEPT_ALL, "mild_scrutiny": 0.25, "improve_only": 0.5}
 MAX_REJECTIONS = 10
@@ -104,7 +107,7 @@ class Scrutiny(eqx.Module):
 
 def static(world: Publishing, author: str, editor: str) -> Policy:
     """Both roles' policies by name: "random" or "minded"; a name in `SHARES`."""
-    authors = {"random": Random(), "minded": Minded(world.quality_max)}
+    authors: dict[str, RolePolicy] = {"random": Random(), "minded": Minded(world.quality_max)}
     for what, name, known in (("author", author, authors), ("editor", editor, SHARES)):
         if name not in known:
             raise InvalidSettings(f"{what} = {name!r}; allowed: {', '.join(known)}.")
