@@ -296,7 +296,7 @@ def test_many_drawn_settings_run_or_are_refused_with_a_message(capsys):
     [("thesis", "validation_return", -18, 4), ("tuned", "noise_free_return", -15, 5)],
 )
 def test_two_robots_learn_a_language(plan, returns, limit, at_least):
-    size = ["world.robots=2", "world.targets=2", "trials=5", "world.allow_silence=false", "room=1"]
+    size = ["world.robots=2", "world.targets=2", "trials=5", "world.allow_silence=false"]
     (case,) = cases(plan, "expressiveness=1", "talkers=learned", *size)
     data = study.run(case, Context())["results"]
     learned = data[returns].mean("episode").values
