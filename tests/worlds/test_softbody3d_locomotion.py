@@ -68,12 +68,12 @@ def test_the_fast_way_is_the_worlds_own_way():
 
 def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_watched(world, genes, even):
     """To the last bit: what is simulated again goes the same way."""
-    together = journey(world, genes, even)
-    for order, every in ((np.arange(ROBOTS)[::-1], None), (np.tile([2, 0], 20), 10)):
-        found = journey(world, genes[:, order], even, every)
+    together = journey(world, genes, even, abreast=None)
+    for order, every in ((np.arange(ROBOTS)[::-1], None), (np.tile([2, 0], 80), 10)):
+        found = journey(world, genes[:, order], even, every, abreast=None)
         np.testing.assert_array_equal(found.distance, together.distance[order])
-    assert found.seen.shape == (4, 3, 40)
-    np.testing.assert_array_equal(found.seen[..., ::2], found.seen[..., :1].repeat(20, -1))
+    assert found.seen.shape == (4, 3, 160)
+    np.testing.assert_array_equal(found.seen[..., ::2], found.seen[..., :1].repeat(80, -1))
 
 
 def test_robots_simulated_one_by_one_go_nearly_as_far(world, genes, even):
