@@ -9,13 +9,17 @@ from ethogram.studies.sensing.claims import claims
 from ethogram.studies.sensing.condition import (
     MORPHOLOGIES,
     OUTPUTS,
+    SCENARIOS,
+    VALIDATION,
     Condition,
     non_sensing,
     sensing,
 )
 from ethogram.studies.sensing.figures import figures
 from ethogram.studies.sensing.published import EVEN_FITNESS, UNEVEN_DISTANCE, UNEVEN_RATIO
-from ethogram.studies.sensing.results import SCENARIOS, VALIDATION, Results
+from ethogram.studies.sensing.results import (
+    Results,
+)
 from ethogram.studies.sensing.tables import tables
 from ethogram.worlds.softbody3d import SoftBody3D
 from ethogram.worlds.softbody3d.bodies import layers

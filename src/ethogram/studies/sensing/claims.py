@@ -30,16 +30,16 @@ from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim
 from ethogram.studies.sensing.behaviour import silhouettes, spreads
 from ethogram.studies.sensing.condition import (
+    FITNESS,
     MORPHOLOGIES,
     OUTPUTS,
+    SCENARIOS,
+    VALIDATION,
     Condition,
     non_sensing,
     sensing,
 )
 from ethogram.studies.sensing.results import (
-    FITNESS,
-    SCENARIOS,
-    VALIDATION,
     Results,
     distance,
     further,

@@ -19,8 +19,8 @@ from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
 from ethogram.learners.train import even_chunk, train
 from ethogram.physics.beams3d import State, centre
+from ethogram.studies.sensing.condition import SCENARIOS
 from ethogram.studies.sensing.plan import (
-    SCENARIOS,
     Settings,
     condition_of,
     controller_of,

@@ -6,6 +6,12 @@ from dataclasses import dataclass
 MORPHOLOGIES = ("worm", "biped", "tripod")  # the thesis' bodies
 NON_SENSING_LAWS = ("shrink_limited", "plain")  # the first is the one compared with the thesis
 OUTPUTS = ("tanh", "unbounded")  # of the sensing controller's network
+FITNESS = "fitness"  # the scenario of evolution
+VALIDATION = ("flat", "step", "sin")
+SCENARIOS = {  # by surface: which gravity, first that of evolution, then those of validation
+    "even": {FITNESS: "even"},
+    "uneven": {FITNESS: "evolution", "flat": "flat", "step": "step", "sin": "sin"},
+}
 LONGEST_NAME = 60  # of a body's layers in a file's name
 
 _PLAIN = str.maketrans({"#": "1", ".": "0", "/": "_", "|": "__"})

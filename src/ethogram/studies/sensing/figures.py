@@ -21,6 +21,7 @@ from ethogram.studies.plotting import (
 )
 from ethogram.studies.sensing.bodies_drawn import STRIP_COLUMNS, draw_bodies, draw_strip
 from ethogram.studies.sensing.condition import (
+    FITNESS,
     OUTPUTS,
     Condition,
     non_sensing,
@@ -29,7 +30,11 @@ from ethogram.studies.sensing.condition import (
 from ethogram.studies.sensing.looks import look
 from ethogram.studies.sensing.maps import behaviour_maps
 from ethogram.studies.sensing.published import EVEN_FITNESS
-from ethogram.studies.sensing.results import FITNESS, MILLIMETRES, Results, curve
+from ethogram.studies.sensing.results import (
+    MILLIMETRES,
+    Results,
+    curve,
+)
 from ethogram.worlds.softbody3d.bodies import cells_of
 
 ACROSS = 3  # panels

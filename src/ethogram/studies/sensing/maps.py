@@ -16,9 +16,15 @@ from ethogram.studies.sensing.behaviour import (
     maps_available,
     scaled,
 )
-from ethogram.studies.sensing.condition import Condition
+from ethogram.studies.sensing.condition import (
+    FITNESS,
+    VALIDATION,
+    Condition,
+)
 from ethogram.studies.sensing.looks import look
-from ethogram.studies.sensing.results import FITNESS, VALIDATION, Results
+from ethogram.studies.sensing.results import (
+    Results,
+)
 
 METHODS: dict[str, Callable[[Behaviours], Float[np.ndarray, "run 2"]]] = {
     "MDS": scaled,

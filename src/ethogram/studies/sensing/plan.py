@@ -11,7 +11,7 @@ from ethogram.core.errors import InvalidSettings
 from ethogram.core.settings import settings_class, settings_of
 from ethogram.learners.evolution import AgeFitness
 from ethogram.physics.beams3d import Material
-from ethogram.studies.sensing.condition import Condition
+from ethogram.studies.sensing.condition import MORPHOLOGIES, NON_SENSING_LAWS, OUTPUTS, Condition
 from ethogram.worlds.softbody3d import SoftBody3D
 from ethogram.worlds.softbody3d.controllers import (
     Actuation,
@@ -56,15 +56,10 @@ class Settings:
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 
-BODIES = ("worm", "biped", "tripod")
-LAWS = ("shrink_limited", "tanh", "unbounded")
+LAWS = (NON_SENSING_LAWS[0], *OUTPUTS)
 SURFACES: tuple[Surface, ...] = get_args(Surface)
-SCENARIOS = {  # which gravity: first that of evolution, then those of validation
-    "even": {"fitness": "even"},
-    "uneven": {"fitness": "evolution", "flat": "flat", "step": "step", "sin": "sin"},
-}
 
-_ALL = {"world.body": BODIES, "law": LAWS, "surface": SURFACES}
+_ALL = {"world.body": MORPHOLOGIES, "law": LAWS, "surface": SURFACES}
 
 PLANS = {
     "smoke": Plan(

@@ -17,18 +17,18 @@ from ethogram.core.findings import Measured
 from ethogram.learners.evolution import WORST
 from ethogram.studies.sensing.behaviour import Behaviours, behaviours
 from ethogram.studies.sensing.condition import (
+    FITNESS,
     MORPHOLOGIES,
     NON_SENSING_LAWS,
     OUTPUTS,
+    SCENARIOS,
+    VALIDATION,
     Condition,
 )
 from ethogram.studies.statistics import Trials, bootstrap_interval
 
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 
-FITNESS = "fitness"  # the scenario of evolution
-VALIDATION = ("flat", "step", "sin")
-SCENARIOS = {"even": (FITNESS,), "uneven": (FITNESS, *VALIDATION)}
 MILLIMETRES = 1000.0  # in a metre
 
 

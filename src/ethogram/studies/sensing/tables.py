@@ -9,7 +9,15 @@ import numpy as np
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Cell, Measured, Table
 from ethogram.studies.sensing.behaviour import maps_available, silhouettes, spreads
-from ethogram.studies.sensing.condition import MORPHOLOGIES, OUTPUTS, Condition, non_sensing
+from ethogram.studies.sensing.condition import (
+    FITNESS,
+    MORPHOLOGIES,
+    OUTPUTS,
+    SCENARIOS,
+    VALIDATION,
+    Condition,
+    non_sensing,
+)
 from ethogram.studies.sensing.published import (
     EVEN_FITNESS,
     EVEN_P,
@@ -18,9 +26,6 @@ from ethogram.studies.sensing.published import (
     UNEVEN_RATIO,
 )
 from ethogram.studies.sensing.results import (
-    FITNESS,
-    SCENARIOS,
-    VALIDATION,
     Results,
     broken,
     distance,
