@@ -8,7 +8,7 @@ import scipy.stats
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
-from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, within
+from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
 from ethogram.worlds.publishing.policies import Minded, Random, static
 
 SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
@@ -65,8 +65,9 @@ def told(world, states):
     """Every paper as (block, author, journal, level, what it cites), from drafts that came out."""
     first = at(states, 0).literature
     papers = [
-        (int(first.block[p]), -1, int(first.journal[p]), int(first.level[p]), [])
-        for p in range(world.initial_papers)
+        (block, -1, int(first.journal[p]), int(first.level[p]), [])
+        for block in range(3)
+        for p in range(first.start[block], first.start[block + 1])
     ]
     for time in range(world.horizon):
         before, after = at(states, time), at(states, time + 1)
@@ -85,7 +86,8 @@ def test_papers_come_out_as_they_were_drafted(played):
     last = at(states, -1).literature
     assert len(papers) == last.published > world.initial_papers + 20
     for number, (block, _, _, level, cited) in enumerate(papers):
-        assert (last.level[number], last.block[number]) == (level, block)
+        assert last.level[number] == level
+        assert last.start[block] <= number < last.start[block + 1]
         assert len(set(cited)) == len(cited)
         assert all(papers[p][0] < block for p in cited), "only what was published before"
 
@@ -249,9 +251,11 @@ def test_references_are_drawn_by_quality_and_recency(busy):
     papers = jax.tree.map(jnp.asarray, state.literature)
     drafts = 4000
     year = jnp.int32(3)
-    drawn = jax.jit(draw(papers, year, SMALL.steps_per_year, drafts))(jax.random.key(0))
+    drawn = jax.jit(draw(papers, year, SMALL.steps_per_year, 16, SMALL.initial_papers))(
+        jax.random.key(0), jnp.arange(drafts)
+    )
     number = int(papers.published)
-    block = np.asarray(papers.block[:number])
+    block = np.searchsorted(papers.start, np.arange(number), side="right") - 1
     age = 3 - np.where(block < 3, block - 2, 1 + (block - 3) // 4)
     weight = np.asarray(papers.level[:number]) / np.maximum(1, age) ** 3.0
     expected = weight / weight.sum() * drawn.size
@@ -264,15 +268,11 @@ def test_references_are_drawn_by_quality_and_recency(busy):
 
 def test_successive_references_have_the_exact_probabilities():
     """Two of three papers with weights 1, 2 and 3: all six orders."""
-    weights = np.array([1, 2, 3])
+    weights = jnp.array([1, 2, 3])
 
-    def drawn(key):
-        return within(
-            jnp.cumsum(jnp.asarray(weights)),
-            jnp.zeros((6000, 4), jnp.int32),
-            jnp.full((6000, 4), 3),
-            jax.random.randint(key, (6000, 4), 0, 6),
-        )
+    def drawn(key, drafts):
+        aim = jax.random.randint(key, (4, len(drafts)), 0, 6)
+        return first_beyond(jnp.cumsum(weights), aim, jnp.zeros_like(aim), 3, 3)
 
     found = distinct(jax.random.key(3), drawn, jnp.full(6000, 2), 2)
     for first in range(3):
@@ -314,7 +314,7 @@ def test_two_phases_bring_the_impact_factors_near_to_the_real_ones():
         counts = (
             jnp.zeros(world.journals)
             .at[papers.journal]
-            .add((papers.block < 2) & (jnp.arange(world.capacity) < papers.published))
+            .add(jnp.arange(len(papers.journal)) < papers.start[2])
         )
         received = jnp.round(jnp.nan_to_num(state.impact) * counts).astype(int)
         return distance(received, counts.astype(int))

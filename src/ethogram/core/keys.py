@@ -10,7 +10,7 @@ import hashlib
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Int, Key, UInt32
+from jaxtyping import Float, Int, Key, UInt32
 
 
 def trial_keys(seed: int, case: str, trials: int) -> Key[Array, "trials"]:
@@ -40,6 +40,23 @@ def counter_bits(key: Key[Array, ""], counter: Int[Array, "..."]) -> UInt32[Arra
     words = jax.random.key_data(key)
     spread = counter.astype(jnp.uint32) * jnp.uint32(0x9E3779B9)
     return _mix(_mix(spread + words[..., 0]) ^ words[..., 1])
+
+
+def unit(bits: UInt32[Array, "..."]) -> Float[Array, "..."]:
+    """Random words as numbers between 0 and 1, in steps of 2^-32 near 0 and of 2^-24 near 1."""
+    return (bits.astype(jnp.float32) + 0.5) * jnp.float32(2.0**-32)
+
+
+def scaled(bits: UInt32[Array, "..."], bound: Int[Array, "..."]) -> Int[Array, "..."]:
+    """Random words as whole numbers from 0 to below a bound: word x bound / 2^32, rounded down.
+
+    Any range of them has its exact chance to 2^-32; computed in halves, as 64 bits may be off.
+    """
+    high, low = bits >> 16, bits & 0xFFFF
+    above, below = bound.astype(jnp.uint32) >> 16, bound.astype(jnp.uint32) & 0xFFFF
+    middle = high * below + ((low * below) >> 16)
+    carry = low * above + (middle & 0xFFFF)
+    return (high * above + (middle >> 16) + (carry >> 16)).astype(jnp.int32)
 
 
 def _mix(x: UInt32[Array, "..."]) -> UInt32[Array, "..."]:

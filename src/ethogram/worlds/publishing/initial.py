@@ -19,11 +19,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Float, Int, Key
 
+from ethogram.core.keys import scaled, unit
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
-from ethogram.worlds.publishing.literature import AT_ONCE, INITIAL_YEARS, distinct, recency, within
+from ethogram.worlds.publishing.literature import (
+    INITIAL_YEARS,
+    distinct,
+    draws_for,
+    first_beyond,
+    recency,
+    words,
+)
 
 Assignment = Literal["two_phase", "online", "random"]
 Scale = Literal["linear", "none"]
@@ -60,7 +68,7 @@ def initial_references(
     references: int,
 ) -> Int[Array, "paper reference"]:
     """What each paper cites of those before it; years from 0, in order."""
-    papers = len(level)
+    papers, draws = len(level), draws_for(references)
     bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
     whole = jnp.cumsum(level)
     before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
@@ -70,14 +78,15 @@ def initial_references(
     total = before[limit] - before[jnp.minimum(bounds[:-1], limit)]
     reach = jnp.cumsum(total * recency(year[:, None] - jnp.arange(INITIAL_YEARS)), axis=1)
 
-    def drawn(key: Key[Array, ""]) -> Int[Array, "draft draw"]:
-        for_year, for_paper = jax.random.split(key)
-        aim = jax.random.uniform(for_year, (papers, AT_ONCE)) * reach[:, -1:]
-        block = jnp.minimum((aim[..., None] >= reach[:, None]).sum(-1), INITIAL_YEARS - 1)
-        mass = jnp.take_along_axis(total, block, 1)
-        aim = jax.random.randint(for_paper, block.shape, 0, jnp.maximum(mass, 1))
-        end = jnp.take_along_axis(limit, block, 1)
-        return within(prefix, jnp.minimum(bounds[block], end), end, aim)
+    def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
+        for_year, for_paper = words(key, draws, len(drafts))
+        steps = reach[drafts]
+        aim = unit(for_year) * steps[:, -1]
+        block = jnp.minimum((aim[..., None] >= steps).sum(-1), INITIAL_YEARS - 1)
+        mass, end = total[drafts, block], limit[drafts, block]
+        first = jnp.minimum(bounds[block], end)
+        paper = first_beyond(prefix, scaled(for_paper, mass), first, end, papers)
+        return jnp.where(mass > 0, paper, -1)
 
     citable = jnp.cumsum(level > 0) - (level > 0)
     return distinct(key, drawn, jnp.minimum(references, citable), references)
@@ -111,46 +120,49 @@ def place(
     counts = (cited >= 0) & (year[:, None] == last) & (year[cited] < last)  # citations that count
     received = jnp.zeros(papers, jnp.int32).at[cited].add(counts)
     known = assign == "two_phase"
-    order = jax.random.permutation(for_order, papers) if known else jnp.arange(papers)
+    chance = jax.random.uniform(for_order, (papers,))
+    order = jnp.lexsort((chance, year == last)) if known else jnp.arange(papers)
+    placed = (year < last).sum() if known else papers
+    ties = jax.random.uniform(for_ties, (papers, journals))
 
-    def settle(
-        so_far: tuple[Array, Array, Array], at: tuple[Array, Array]
-    ) -> tuple[tuple[Array, Array, Array], None]:
+    def settle(number: Int[Array, ""], so_far: tuple[Array, ...]) -> tuple[Array, ...]:
         journal, got, size = so_far
-        paper, key = at
+        paper = order[number]
         if not known:  # it brings its citations of those that were placed
             got = got.at[journal[cited[paper]]].add(counts[paper])
-        in_window = year[paper] < last
-        gain = received[paper] if known else 0
-        nearest = _nearest(key, got, size, jnp.where(in_window, gain, 0), in_window)
-        chosen = jnp.where(in_window | (not known), nearest, anywhere[paper])
-        one = in_window.astype(jnp.int32)
-        got = got.at[chosen].add(one * gain)
-        return (journal.at[paper].set(chosen), got, size.at[chosen].add(one)), None
+        one = (year[paper] < last).astype(jnp.int32)
+        gain = one * received[paper] if known else 0
+        chosen = _nearest(ties[number], got, size, gain, one)
+        joins = jnp.arange(journals) == chosen
+        return journal.at[paper].set(chosen), got + joins * gain, size + joins * one
 
     nothing = jnp.zeros(journals, jnp.int32)
-    start = anywhere, nothing, nothing
-    keys = jax.random.split(for_ties, papers)
-    return lax.scan(settle, start, (order, keys))[0][0]
+    return lax.fori_loop(0, placed, settle, (anywhere, nothing, nothing))[0]
 
 
 def _nearest(
-    key: Key[Array, ""],
+    tie: Float[Array, "journal"],
     received: Int[Array, "journal"],
     papers: Int[Array, "journal"],
-    gain: Int[Array, ""],
-    counts: Bool[Array, ""],
+    gain: Int[Array, ""] | int,
+    one: Int[Array, ""],
 ) -> Int[Array, ""]:
-    """The journal that a paper should join so that the distribution is nearest to the real one."""
-    one = counts.astype(jnp.int32)
-    there = papers > 0
-    now = jax.nn.one_hot(_bins(received, papers), len(AIM)) * there[:, None]
-    then = jax.nn.one_hot(_bins(received + gain, papers + one), len(AIM))
-    then = then * (there | counts)[:, None]
-    tally = now.sum(0) - now + then  # journal, bin: if it joins there
-    away = jnp.linalg.norm(tally / len(papers) - AIM, axis=1)
-    tied = away <= away.min() + 1e-6
-    return jnp.argmax(jnp.where(tied, jax.random.uniform(key, away.shape), -1.0))
+    """The journal that a paper should join so that the distribution is nearest to the real one.
+
+    With a surplus of s journals in a bin over those wanted, one that leaves the bin changes the sum
+    of squares by 1 - 2 s, one that enters it by 1 + 2 s.
+    """
+    journals, there = len(papers), papers > 0
+    now, then = _bins(received, papers), _bins(received + gain, papers + one)
+    bins = jnp.arange(len(AIM))
+    at_now = (now[:, None] == bins) & there[:, None]
+    surplus = at_now.sum(0) - journals * AIM
+    leaves = jnp.where(there, 1 - 2 * (at_now * surplus).sum(1), 0.0)
+    enters = 1 + 2 * ((then[:, None] == bins) * surplus).sum(1)
+    moves = (now != then) | (~there & (one > 0))
+    change = jnp.where(moves, enters + leaves, 0.0)
+    tied = change <= change.min() + 1e-4
+    return jnp.argmax(jnp.where(tied, tie, -1.0))
 
 
 def _bins(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Int[Array, "journal"]:

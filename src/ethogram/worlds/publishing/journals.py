@@ -1,11 +1,11 @@
 """What journals are judged by: impact factors, and the qualities that they have published.
 
-The qualities of a journal's papers are kept as counts, of coarse bins and of levels: the paper of
-any rank is found by two short sums, however many papers there are.
+The qualities of a journal's papers are kept in a tree of counts, after Fenwick (1994): each node
+halves a range of levels and counts the papers in its lower half.  A paper is counted in one node
+per halving at most, and the paper of any rank is found by as many looks, however many there are.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
@@ -13,30 +13,24 @@ from jaxtyping import Bool, Float, Int
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.literature import LEVELS
 
-COARSE = 128
-FINE = LEVELS // COARSE
+HALVES = [LEVELS >> depth for depth in range(1, LEVELS.bit_length())]  # of ranges, to single levels
 
 
 class Qualities(eqx.Module):
     """How many papers of each quality every journal has published."""
 
-    coarse: Int[Array, "journal bin"]
-    fine: Int[Array, "journal level"]
-
-    @property
-    def papers(self) -> Int[Array, "journal"]:
-        """How many papers each journal has published."""
-        return self.coarse.sum(1)
+    papers: Int[Array, "journal"]
+    lower: Int[Array, "journal level"]  # at first + half - 1: those from `first` to a half later
 
     def add(
         self, journal: Int[Array, "paper"], level: Int[Array, "paper"], there: Bool[Array, "paper"]
     ) -> "Qualities":
         """Count more papers, those that are there."""
-        one = there.astype(jnp.int32)
-        return Qualities(
-            self.coarse.at[journal, level // FINE].add(one, mode="drop"),
-            self.fine.at[journal, level].add(one, mode="drop"),
-        )
+        half = jnp.array(HALVES)[:, None]
+        first = level & ~(2 * half - 1)
+        counts = there & (level & half == 0)
+        lower = self.lower.at[journal, first + half - 1].add(counts.astype(jnp.int32))
+        return Qualities(self.papers.at[journal].add(there.astype(jnp.int32)), lower)
 
     def quantile(self, share: Float[Array, "journal"]) -> Float[Array, "journal"]:
         """The level below which a share of a journal's papers lies, by linear interpolation.
@@ -44,32 +38,26 @@ class Qualities(eqx.Module):
         As NumPy's default: between the papers of rank share x (n - 1) rounded down and up.  For an
         empty journal it is 0.
         """
-        position = share * jnp.maximum(self.papers - 1, 0)
+        last = jnp.maximum(self.papers - 1, 0)
+        position = share * last
         low = jnp.floor(position).astype(jnp.int32)
-        high = jnp.minimum(low + 1, jnp.maximum(self.papers - 1, 0))
-        below, above = self._of_rank(low), self._of_rank(high)
-        return below + (position - low) * (above - below)
+        below, above = self._of_rank(low), self._of_rank(jnp.minimum(low + 1, last))
+        between = below + (position - low) * (above - below)
+        return jnp.where(self.papers > 0, between, 0.0)
 
     def _of_rank(self, rank: Int[Array, "journal"]) -> Float[Array, "journal"]:
         """The level of each journal's paper of that rank, from 0, by rising level."""
-
-        def find(coarse: Array, fine: Array, rank: Array) -> Array:
-            reach = jnp.cumsum(coarse)
-            bin_ = jnp.minimum(jnp.searchsorted(reach, rank, side="right"), COARSE - 1)
-            left = rank - jnp.where(bin_ > 0, reach[bin_ - 1], 0)
-            inside = jnp.cumsum(jax.lax.dynamic_slice(fine, (bin_ * FINE,), (FINE,)))
-            return bin_ * FINE + jnp.minimum(jnp.searchsorted(inside, left, side="right"), FINE - 1)
-
-        empty = self.papers == 0
-        found = jax.vmap(find)(self.coarse, self.fine, rank)
-        return jnp.where(empty, 0, found).astype(float)
+        journal, first = jnp.arange(len(rank)), jnp.zeros_like(rank)
+        for half in HALVES:
+            lower = self.lower[journal, first + (half - 1)]
+            above = rank >= lower
+            first, rank = first + half * above, rank - lower * above
+        return first.astype(float)
 
 
 def empty(journals: int) -> Qualities:
     """Nothing published."""
-    return Qualities(
-        jnp.zeros((journals, COARSE), jnp.int32), jnp.zeros((journals, LEVELS), jnp.int32)
-    )
+    return Qualities(jnp.zeros(journals, jnp.int32), jnp.zeros((journals, LEVELS), jnp.int32))
 
 
 def impact_factor(

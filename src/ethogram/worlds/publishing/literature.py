@@ -11,20 +11,24 @@ grows with the logarithm of the number of papers alone.  Draws that repeat a pap
 which is to draw without replacement, one after the other.
 """
 
+import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Bool, Float, Int, Key, UInt32
+
+from ethogram.core.keys import counter_bits, fold_in, scaled, unit
 
 LEVELS = 2**14  # of quality, from 0 to the largest
 INITIAL_YEARS = 3  # -2, -1, 0: a block each
-AT_ONCE = 16  # draws for each draft before looking which are new
 
-Draw = Callable[[Key[Array, ""]], Int[Array, "draft draw"]]
+TOGETHER = 32  # drafts whose references are drawn at once
+
+Found = tuple[Array, Array]  # papers, draft by draft, and how many of them there are
+# For a key and some drafts: papers that these would cite, with repetitions; -1, rarely, for none.
+Draw = Callable[[Key[Array, ""], Int[Array, "few"]], Int[Array, "draw few"]]
 
 
 class Literature(eqx.Module):
@@ -34,13 +38,26 @@ class Literature(eqx.Module):
     prefix: Int[Array, "paper"]  # sum of the levels of its block up to and with it
     author: Int[Array, "paper"]  # -1: none, as of initial papers
     journal: Int[Array, "paper"]
-    block: Int[Array, "paper"]
     citations: Int[Array, "paper"]
     mark: Int[Array, "paper"]  # the last citation that a paper got, by its number in the step
     start: Int[Array, "bound"]  # first paper of each block, and behind the last one
     total: Int[Array, "block"]  # sum of the levels of each block
     published: Int[Array, ""]
     citable: Int[Array, ""]  # published with a level above 0
+
+    def as_of(self, earlier: "Literature") -> "Literature":
+        """What was published at an earlier time, in the arrays of now.
+
+        Papers are only ever added, so the bounds of then tell them.  Whoever looks back like this
+        keeps no older array alive, and arrays need not be copied to be written to.
+        """
+        return dataclasses.replace(
+            self,
+            start=earlier.start,
+            total=earlier.total,
+            published=earlier.published,
+            citable=earlier.citable,
+        )
 
 
 def year_of(block: Int[Array, "..."], steps_per_year: int) -> Int[Array, "..."]:
@@ -49,70 +66,129 @@ def year_of(block: Int[Array, "..."], steps_per_year: int) -> Int[Array, "..."]:
     return jnp.where(block < INITIAL_YEARS, initial, 1 + (block - INITIAL_YEARS) // steps_per_year)
 
 
+def first_block(year: Int[Array, ""], steps_per_year: int) -> Int[Array, ""]:
+    """The first block of a year."""
+    initial = year + (INITIAL_YEARS - 1)
+    return jnp.where(year < 1, initial, INITIAL_YEARS + (year - 1) * steps_per_year)
+
+
 def recency(age: Int[Array, "..."]) -> Float[Array, "..."]:
     """1 / max(1, age^3), with the age in years."""
     return 1.0 / jnp.maximum(1, age).astype(float) ** 3
 
 
-def draw(literature: Literature, year: Int[Array, ""], steps_per_year: int, drafts: int) -> Draw:
-    """Draws of papers that a draft of this year would cite, with repetitions."""
+def draws_for(references: int) -> int:
+    """Draws for each draft before looking which are new: enough, mostly."""
+    return references + references // 2 + 1
+
+
+def draw(
+    literature: Literature,
+    year: Int[Array, ""],
+    steps_per_year: int,
+    draws: int,
+    largest: int,
+) -> Draw:
+    """Draws of papers for drafts of this year.
+
+    Args:
+        literature: what can be cited.
+        year: the current one, from 1.
+        steps_per_year: that blocks of a year are.
+        draws: for each draft.
+        largest: number of papers that a block can have.
+
+    """
     blocks = jnp.arange(len(literature.total))
     age = year - year_of(blocks, steps_per_year)
-    weight = literature.total * jnp.where(age >= 0, recency(age), 0.0)
-    reach = jnp.cumsum(weight)
+    # the oldest first: sums of small weights stay exact, and so do numbers near zero
+    reach = jnp.cumsum(literature.total * jnp.where(age >= 0, recency(age), 0.0))
 
-    def drawn(key: Key[Array, ""]) -> Int[Array, "draft draw"]:
-        for_block, for_paper = jax.random.split(key)
-        shape = drafts, AT_ONCE
-        aim = jax.random.uniform(for_block, shape) * reach[-1]
-        block = jnp.minimum(jnp.searchsorted(reach, aim, side="right"), len(blocks) - 1)
-        aim = jax.random.randint(for_paper, shape, 0, jnp.maximum(literature.total[block], 1))
-        return within(literature.prefix, literature.start[block], literature.start[block + 1], aim)
+    def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
+        for_block, for_paper = words(key, draws, len(drafts))
+        first, end = jnp.zeros_like(for_block, jnp.int32), len(blocks)
+        block = first_beyond(reach, unit(for_block) * reach[-1], first, end, len(blocks))
+        mass = literature.total[block]
+        first, end = literature.start[block], literature.start[block + 1]
+        paper = first_beyond(literature.prefix, scaled(for_paper, mass), first, end, largest)
+        return jnp.where(mass > 0, paper, -1)
 
     return drawn
 
 
-def within(
-    prefix: Int[Array, "paper"],
-    first: Int[Array, "..."],
-    end: Int[Array, "..."],
-    aim: Int[Array, "..."],
+def words(key: Key[Array, ""], draws: int, drafts: int) -> UInt32[Array, "2 draw draft"]:
+    """Two random words for each draw."""
+    return counter_bits(key, jnp.arange(2 * draws * drafts).reshape(2, draws, drafts))
+
+
+def first_beyond(
+    rising: Array, aim: Array, first: Int[Array, "..."], end: Int[Array, "..."] | int, most: int
 ) -> Int[Array, "..."]:
-    """The first paper from `first` to before `end` whose prefix exceeds the aim."""
+    """The first entry from `first` to before `end`, at most `most` later, that exceeds the aim.
 
-    def halve(_: Any, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = bounds
-        middle = (low + high) // 2
-        beyond = prefix[jnp.minimum(middle, len(prefix) - 1)] > aim
-        open_ = low < high
-        return jnp.where(open_ & ~beyond, middle + 1, low), jnp.where(open_ & beyond, middle, high)
-
-    return lax.fori_loop(0, len(prefix).bit_length(), halve, (first, end))[0]
+    The last one if none does.
+    """
+    before = first  # nothing before this exceeds the aim
+    stride = 1 << max(most - 1, 0).bit_length()
+    while stride > 1:
+        stride //= 2
+        last = before + (stride - 1)
+        below = rising[jnp.minimum(last, len(rising) - 1)] <= aim
+        before = jnp.where(below & (last < end - 1), last + 1, before)
+    return before
 
 
 def distinct(
     key: Key[Array, ""], drawn: Draw, needed: Int[Array, "draft"], references: int
 ) -> Int[Array, "draft reference"]:
-    """The first different papers of a sequence of draws; -1 where fewer are needed."""
-    drafts = needed.shape[0]
+    """The first different papers of a sequence of draws for each draft; -1 where fewer are needed.
 
-    def lacking(found: tuple[Array, Array, Array]) -> Bool[Array, ""]:
-        return (found[1] < needed).any()
+    Drafts that need any are served a few at a time, until these have all that they need: in most
+    steps most authors write nothing, and a draft that must cite nearly all there is takes long.
+    """
+    drafts = len(needed)
+    few = min(drafts, TOGETHER)
+    waiting, count = chosen_first(needed > 0), (needed > 0).sum()
 
-    def more(found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        kept, count, number = found
-        papers = drawn(jax.random.fold_in(key, number))
-        slot = jnp.arange(references)
+    def serve(at: tuple[Array, Array]) -> tuple[Array, Array]:
+        cited, done = at
+        number = jnp.minimum(done, drafts - few) + jnp.arange(few)
+        draft, due = waiting[number], (number >= done) & (number < count)
 
-        def add(so_far: tuple[Array, Array], paper: Array) -> tuple[tuple[Array, Array], None]:
-            kept, count = so_far
-            new = (kept != paper[:, None]).all(1) & (count < needed)
-            kept = jnp.where(new[:, None] & (slot == count[:, None]), paper[:, None], kept)
-            return (kept, count + new), None
+        def papers(round_: Int[Array, ""]) -> Int[Array, "draw few"]:
+            return drawn(fold_in(fold_in(key, done), round_), draft)
 
-        (kept, count), _ = lax.scan(add, (kept, count), papers.T)
-        return kept, count, number + 1
+        found = _different(papers, jnp.where(due, needed[draft], 0), references)
+        found = jnp.where(due[:, None], found, cited[draft])
+        return cited.at[draft].set(found, unique_indices=True), done + few
 
-    nothing = jnp.full((drafts, references), -1)
-    start = nothing, jnp.zeros(drafts, jnp.int32), jnp.int32(0)
-    return lax.while_loop(lacking, more, start)[0]
+    nothing = jnp.full((drafts, references), -1), jnp.int32(0)
+    return lax.while_loop(lambda at: at[1] < count, serve, nothing)[0]
+
+
+def _different(
+    papers: Callable[[Int[Array, ""]], Int[Array, "draw few"]],
+    needed: Int[Array, "few"],
+    references: int,
+) -> Int[Array, "few reference"]:
+    """The first different papers of rounds of draws; drafts are the last axis, which is fast."""
+    slot = jnp.arange(references)[:, None]
+
+    def add(found: Found, paper: Int[Array, "few"]) -> tuple[Found, None]:
+        kept, count = found
+        new = (paper >= 0) & (kept != paper).all(0) & (count < needed)
+        return (jnp.where(new & (slot == count), paper, kept), count + new), None
+
+    def more(at: tuple[Found, Array]) -> tuple[Found, Array]:
+        found, round_ = at
+        return lax.scan(add, found, papers(round_))[0], round_ + 1
+
+    start = jnp.full((references, len(needed)), -1), jnp.zeros_like(needed)
+    (kept, _), _ = lax.while_loop(lambda at: (at[0][1] < needed).any(), more, (start, jnp.int32(0)))
+    return kept.T
+
+
+def chosen_first(chosen: Bool[Array, "item"]) -> Int[Array, "item"]:
+    """The numbers of all items, those chosen first, each part in order."""
+    place = jnp.where(chosen, jnp.cumsum(chosen), chosen.sum() + jnp.cumsum(~chosen)) - 1
+    return jnp.zeros_like(place).at[place].set(jnp.arange(len(place)), unique_indices=True)

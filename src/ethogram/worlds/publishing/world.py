@@ -44,9 +44,11 @@ from ethogram.worlds.publishing.literature import (
     INITIAL_YEARS,
     LEVELS,
     Literature,
+    chosen_first,
     distinct,
     draw,
-    year_of,
+    draws_for,
+    first_block,
 )
 
 ACCEPT_ALL = -1.0  # an editor's action below 0: whatever the quality
@@ -178,7 +180,10 @@ class Publishing(World):
             time=jnp.int32(0),
         )
         everyone = jnp.ones(self.authors, bool)
-        state = eqx.tree_at(lambda s: s.drafts, state, self._write(for_drafts, state, everyone))
+        drafts = self._write(
+            for_drafts, quality, state.drafts, state.literature, self.year(state), everyone
+        )
+        state = eqx.tree_at(lambda s: s.drafts, state, drafts)
         return state, self.observe(state)
 
     def observe(self, state: State) -> PerRole:
@@ -247,46 +252,43 @@ class Publishing(World):
         threshold = jnp.where(share < 0, -jnp.inf, state.qualities.quantile(jnp.maximum(share, 0)))
         accepted = submits & (state.drafts.level >= threshold[journal])
         refused = submits & ~accepted
-        drafts = self._write(key, state, accepted | (acting & (choice == 0)))
+        papers = self._publish(state, journal, accepted)
         cited = jnp.where(accepted[:, None], state.drafts.cited, -1)
-        standing, counted = self._cite(state, cited, accepted)
+        standing, papers = self._cite(papers, state.standing, cited, accepted)
+        writes = accepted | (acting & (choice == 0))
+        known = papers.as_of(state.literature)
+        drafts = self._write(key, state.quality, state.drafts, known, self.year(state), writes)
         return State(
             quality=state.quality,
             drafts=Drafts(drafts.level, drafts.cited, drafts.rejections + refused),
             standing=standing,
-            literature=self._publish(state, counted, journal, accepted),
+            literature=papers,
             qualities=state.qualities.add(journal, state.drafts.level, accepted),
             window=state.window,
             this_year=state.this_year.at[journal].add(accepted.astype(jnp.int32)),
-            received=state.received + self._in_window(state, cited),
+            received=state.received + self._in_window(papers, self.year(state), cited),
             impact=state.impact,
             rejected=state.rejected.at[journal].add(refused.astype(jnp.int32)),
             time=state.time,
         )
 
     def _publish(
-        self,
-        state: State,
-        papers: Literature,
-        journal: Int[Array, "author"],
-        accepted: Bool[Array, "author"],
+        self, state: State, journal: Int[Array, "author"], accepted: Bool[Array, "author"]
     ) -> Literature:
         """Append the accepted drafts to this step's block."""
-        level = jnp.where(accepted, state.drafts.level, 0)
-        block = INITIAL_YEARS + state.time
-        place_ = papers.published + jnp.cumsum(accepted) - 1
-        slot = jnp.where(accepted, place_, self.capacity)  # beyond: dropped
+        papers, block = state.literature, INITIAL_YEARS + state.time
+        author = chosen_first(accepted)  # those accepted, in order; what comes behind is empty
+        level = jnp.where(accepted[author], state.drafts.level[author], 0)
         published = papers.published + accepted.sum()
 
         def put(values: Array, new: Array) -> Array:
-            return values.at[slot].set(new, mode="drop")
+            return lax.dynamic_update_slice(values, new, (papers.published,))
 
         return Literature(
             level=put(papers.level, level),
             prefix=put(papers.prefix, papers.total[block] + jnp.cumsum(level)),
-            author=put(papers.author, jnp.arange(self.authors)),
-            journal=put(papers.journal, journal),
-            block=put(papers.block, jnp.broadcast_to(block, accepted.shape)),
+            author=put(papers.author, author),
+            journal=put(papers.journal, journal[author]),
             citations=papers.citations,
             mark=papers.mark,
             start=papers.start.at[block + 1].set(published),
@@ -296,15 +298,20 @@ class Publishing(World):
         )
 
     def _cite(
-        self, state: State, cited: Int[Array, "author reference"], accepted: Bool[Array, "author"]
+        self,
+        papers: Literature,
+        standing: Standing,
+        cited: Int[Array, "author reference"],
+        accepted: Bool[Array, "author"],
     ) -> tuple[Standing, Literature]:
         """Count citations, and let h-indices rise; papers just published have none."""
-        papers, standing = state.literature, state.standing
         events = cited.reshape(-1)
-        paper = jnp.where(events >= 0, events, self.capacity)
+        paper = jnp.where(events >= 0, events, len(papers.level))  # beyond: dropped
         number = jnp.arange(len(events))
         before = papers.citations.at[paper].get(mode="fill", fill_value=0)
-        citations = papers.citations.at[paper].add(1, mode="drop")
+        # one each, made of what was read: it is read before it is written, and not copied
+        one = (before >= 0).astype(jnp.int32)
+        citations = papers.citations.at[paper].add(one, mode="drop")
         after = citations.at[paper].get(mode="fill", fill_value=0)
         mark = papers.mark.at[paper].set(number, mode="drop")
         once = mark.at[paper].get(mode="fill", fill_value=-1) == number  # each paper, once
@@ -330,17 +337,16 @@ class Publishing(World):
             return h_index, above - jnp.where(up, exactly, 0)
 
         standing = Standing(*lax.while_loop(rising, rise, (h_index, above)), tally)
-        counted = eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
-        return standing, counted
+        return standing, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
 
     def _in_window(
-        self, state: State, cited: Int[Array, "author reference"]
+        self, papers: Literature, year: Int[Array, ""], cited: Int[Array, "author reference"]
     ) -> Int[Array, "journal"]:
         """Citations, by the cited papers' journals, of papers of the two years before."""
-        papers, paper = state.literature, jnp.maximum(cited, 0)
-        age = self.year(state) - year_of(papers.block[paper], self.steps_per_year)
-        counts = (cited >= 0) & ((age == 1) | (age == 2))
-        return jnp.zeros(self.journals, jnp.int32).at[papers.journal[paper]].add(counts)
+        first, end = (papers.start[first_block(at, self.steps_per_year)] for at in (year - 2, year))
+        counts = (cited >= first) & (cited < end)
+        journal = papers.journal[jnp.maximum(cited, 0)]
+        return jnp.zeros(self.journals, jnp.int32).at[journal].add(counts)
 
     def _close(self, state: State) -> State:
         """Let time pass; a year that ends gives its impact factors and becomes the year before."""
@@ -360,19 +366,27 @@ class Publishing(World):
             ),
         )
 
-    def _write(self, key: Key[Array, ""], state: State, who: Bool[Array, "author"]) -> Drafts:
+    def _write(
+        self,
+        key: Key[Array, ""],
+        quality: Float[Array, "author"],
+        drafts: Drafts,
+        known: Literature,
+        year: Int[Array, ""],
+        who: Bool[Array, "author"],
+    ) -> Drafts:
         """New drafts of those who write, the old ones of the others."""
         for_quality, for_cited = jax.random.split(key)
         spread = self.sigma * jax.random.normal(for_quality, (self.authors,))
-        level = self._levels(state.quality + spread)
-        papers = state.literature
-        needed = jnp.where(who, jnp.minimum(self.references, papers.citable), 0)
-        drawn = draw(papers, self.year(state), self.steps_per_year, self.authors)
+        level = self._levels(quality + spread)
+        largest = max(self.authors, self.initial_papers)
+        drawn = draw(known, year, self.steps_per_year, draws_for(self.references), largest)
+        needed = jnp.where(who, jnp.minimum(self.references, known.citable), 0)
         cited = distinct(for_cited, drawn, needed, self.references)
         return Drafts(
-            jnp.where(who, level, state.drafts.level),
-            jnp.where(who[:, None], cited, state.drafts.cited),
-            jnp.where(who, 0, state.drafts.rejections),
+            jnp.where(who, level, drafts.level),
+            jnp.where(who[:, None], cited, drafts.cited),
+            jnp.where(who, 0, drafts.rejections),
         )
 
     # What it is made of
@@ -392,14 +406,16 @@ class Publishing(World):
         before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
 
         def room(values: Array, fill: int = 0) -> Array:
-            return jnp.full(self.capacity, fill, jnp.int32).at[:papers].set(values)
+            size = (
+                self.capacity + self.authors
+            )  # a step writes as many entries as there are authors
+            return jnp.full(size, fill, jnp.int32).at[:papers].set(values)
 
         return Literature(
             level=room(level),
             prefix=room(whole - before[bounds[year]]),
             author=room(jnp.full(papers, -1), -1),
             journal=room(journal),
-            block=room(year),
             citations=room(jnp.zeros(papers, jnp.int32)).at[cited].add(cited >= 0),
             mark=room(jnp.zeros(papers, jnp.int32)),
             start=jnp.full(blocks + 1, papers, jnp.int32).at[: INITIAL_YEARS + 1].set(bounds),
