@@ -9,7 +9,7 @@ from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
 from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
-from ethogram.worlds.publishing.policies import Minded, Random, static
+from ethogram.worlds.publishing.policies import Minded, Random, Ranking, static
 
 SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
 
@@ -378,11 +378,12 @@ def test_random_authors_go_anywhere_and_give_up_after_ten_rejections():
     assert scipy.stats.chisquare(counts).pvalue > 0.001
 
 
-def minded(quality, rejections, impact, **settings):
+def minded(quality, rejections, impact, bins=10, remainder="spread", **settings):
     seen = jnp.concatenate(
         [jnp.tile(jnp.array([quality, rejections]), (400, 1)), jnp.tile(impact, (400, 1))], 1
     )
-    return set(np.asarray(Minded(15.0, **settings)(jax.random.key(0), seen)).tolist())
+    policy = Minded(15.0, Ranking(bins, remainder), **settings)
+    return set(np.asarray(policy(jax.random.key(0), seen)).tolist())
 
 
 def test_minded_authors_match_quality_to_rank():

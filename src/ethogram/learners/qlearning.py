@@ -9,6 +9,10 @@ where nothing follows a termination, but the last step before a time limit does 
 Observations and actions are those of a world whose spaces are `Discrete`; the tables have a row
 per observation that can occur, which is what the thesis calls sparse.
 
+With `shared`, all agents of a role learn one table.  In a step several of them may have taken the
+same action on the same row: n updates one after the other, towards the mean of their n targets,
+move the entry by 1 - (1 - rate)^n of the way, and that is what is done.
+
 Trials are an axis of the learner rather than a `vmap` over it: the tables of all trials and
 agents stand in one array, so that a step is one gather and one scatter in place.
 
@@ -23,7 +27,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import EthogramError, TooLarge
@@ -40,7 +44,7 @@ from ethogram.learners.returns import one_step
 class Learned(eqx.Module):
     """The tables, and how many episodes they have seen."""
 
-    table: PerRole  # Float[trials x agents x rows, actions] per role
+    table: PerRole  # Float[trials x tables x rows, actions] per role
     episode: Int[Array, ""]
 
 
@@ -67,6 +71,7 @@ class QLearning(eqx.Module):
     rate: Number = setting(0.1, Annotated[float, Field(ge=0, le=1)])
     discount: Number = setting(0.9, Annotated[float, Field(ge=0, le=1)])
     trials: int = eqx.field(static=True, default=1)
+    shared: bool = eqx.field(static=True, default=False)  # one table for all agents of a role
 
     def init(self) -> Learned:
         """Tables of zeros.
@@ -79,8 +84,8 @@ class QLearning(eqx.Module):
         require_memory(f"Q-learning with {self.size}", self.table_bytes)
         table = {}
         for role in self.world.roles:
-            agents, rows, actions = self._sizes(role)
-            cells = self.trials * agents * rows
+            tables, rows, actions = self._sizes(role)
+            cells = self.trials * tables * rows
             if cells > LARGEST_INDEX:
                 raise TooLarge(
                     f"Q-learning with {self.size} ({readable_bytes(self.table_bytes)}) has "
@@ -93,7 +98,7 @@ class QLearning(eqx.Module):
     def table_bytes(self) -> int:
         """Memory that the tables of all trials need."""
         sizes = [self._sizes(role) for role in self.world.roles]
-        return 4 * self.trials * sum(agents * rows * actions for agents, rows, actions in sizes)
+        return 4 * self.trials * sum(tables * rows * actions for tables, rows, actions in sizes)
 
     def update(
         self, keys: Key[Array, "trials"], learned: Learned
@@ -135,9 +140,9 @@ class QLearning(eqx.Module):
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
             action = {}
             for number, (role, seen) in enumerate(observation.items()):
-                agents, rows, _ = self._sizes(role)
-                cell = (trial * agents + jnp.arange(agents)) * rows + seen
-                bits = jax.random.bits(jax.random.fold_in(key, number), (agents,))
+                tables, rows, _ = self._sizes(role)
+                cell = (trial * tables + jnp.arange(len(seen)) % tables) * rows + seen
+                bits = jax.random.bits(jax.random.fold_in(key, number), seen.shape)
                 action[role] = epsilon_greedy(_look_up(learned.table[role], cell), bits, epsilon)
             return action
 
@@ -160,10 +165,16 @@ class QLearning(eqx.Module):
             cell[role] = self._cells(role, outcome.observation[role])
             # read before writing: the target is made of the values of this moment
             ahead = _look_up(at.table[role], cell[role])
-            learned = self._learn(at, role, action[role], reward, terminated, ahead)
-            table[role] = _write(at.table[role], at.cell[role], learned)
-            stays = cell[role].reshape(-1) == at.cell[role].reshape(-1)
-            values[role] = jnp.where(stays, learned, ahead)
+            future = ahead.max(0)
+            target = one_step(reward.reshape(-1), terminated.reshape(-1), future, self.discount)
+            if self.shared:
+                table[role] = self._pool(at, role, action[role], target)
+                values[role] = _look_up(table[role], cell[role])
+            else:
+                learned = self._learn(at, role, action[role], target)
+                table[role] = _write(at.table[role], at.cell[role], learned)
+                stays = cell[role].reshape(-1) == at.cell[role].reshape(-1)
+                values[role] = jnp.where(stays, learned, ahead)
             active[role] = at.active[role] & ~terminated & ~outcome.truncated[role]
             return_[role] = at.return_[role] + jnp.where(at.active[role], reward, 0.0)
         return _Step(table, world, cell, values, active, return_)
@@ -188,31 +199,44 @@ class QLearning(eqx.Module):
         at: _Step,
         role: str,
         action: Int[Array, "trials agents"],
-        reward: Float[Array, "trials agents"],
-        terminated: Bool[Array, "trials agents"],
-        ahead: Float[Array, "actions agent"],
+        target: Float[Array, "agent"],
     ) -> Float[Array, "actions agent"]:
         """The row's values after learning: eq. 3.13 in the entry of the action taken."""
         values = at.values[role]
-        ended, reward = terminated.reshape(-1), reward.reshape(-1)
-        target = one_step(reward, ended, ahead.max(0), self.discount)
         taken = jnp.arange(len(values))[:, None] == action.reshape(-1)
         counts = taken & at.active[role].reshape(-1)
         return jnp.where(counts, values + self.rate * (target - values), values)
+
+    def _pool(
+        self,
+        at: _Step,
+        role: str,
+        action: Int[Array, "trials agents"],
+        target: Float[Array, "agent"],
+    ) -> Float[Array, "cells actions"]:
+        """The shared tables after learning from all agents."""
+        entry = at.cell[role].reshape(-1), action.reshape(-1)
+        counts = at.active[role].reshape(-1).astype(float)
+        nothing = jnp.zeros_like(at.table[role])
+        agents = nothing.at[entry].add(counts)[entry]
+        mean = nothing.at[entry].add(counts * target)[entry] / jnp.maximum(agents, 1.0)
+        before = at.table[role][entry]
+        way = 1 - (1 - self.rate) ** agents
+        return at.table[role].at[entry].set(before + way * (mean - before))  # the same for each
 
     def _cells(
         self, role: str, observation: Int[Array, "trials agents"]
     ) -> Int[Array, "trials agents"]:
         """Where each agent's row stands in the one table."""
-        agents, rows, _ = self._sizes(role)
-        own = jnp.arange(self.trials * agents, dtype=jnp.int32).reshape(self.trials, agents)
+        tables, rows, _ = self._sizes(role)
+        own = jnp.arange(self.trials * tables, dtype=jnp.int32).reshape(self.trials, tables)
         return own * rows + observation
 
     def _sizes(self, role: str) -> tuple[int, int, int]:
-        """Agents, rows and actions of a role's tables."""
+        """Number of a role's tables in a trial, and their rows and actions."""
         played = self.world.roles[role]
         return (
-            played.agents,
+            1 if self.shared else played.agents,
             self._count(role, played.observation),
             self._count(role, played.action),
         )
@@ -230,8 +254,8 @@ class QLearning(eqx.Module):
         """The tables in words."""
         sizes = {role: self._sizes(role) for role in self.world.roles}
         tables = ", ".join(
-            f"{agents} {role} tables of {readable_count(rows)} x {actions}"
-            for role, (agents, rows, actions) in sizes.items()
+            f"{tables} {role} tables of {readable_count(rows)} x {actions}"
+            for role, (tables, rows, actions) in sizes.items()
         )
         return f"{self.trials} trials x {tables}"
 
@@ -240,7 +264,7 @@ def _look_up(
     table: Float[Array, "cells actions"], cell: Int[Array, "*at"]
 ) -> Float[Array, "actions agent"]:
     """Rows of the table, actions first: short axes outside, so that the arithmetic vectorises."""
-    return table.at[cell.reshape(-1)].get(mode="promise_in_bounds", unique_indices=True).T
+    return table.at[cell.reshape(-1)].get(mode="promise_in_bounds").T
 
 
 def _write(

@@ -23,7 +23,7 @@ from jaxtyping import Float, Int, Key
 
 from ethogram.core.keys import scaled, unit
 from ethogram.core.settings import Number
-from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
+from ethogram.worlds.publishing.impact_2018 import IMPACT_2018, Sources
 from ethogram.worlds.publishing.literature import (
     INITIAL_YEARS,
     distinct,
@@ -35,7 +35,8 @@ from ethogram.worlds.publishing.literature import (
 
 Assignment = Literal["two_phase", "online", "random"]
 Scale = Literal["linear", "none"]
-AIM = np.array(IMPACT_2018) / sum(IMPACT_2018)
+AIMS = {of: np.array(counts) / sum(counts) for of, counts in IMPACT_2018.items()}
+BINS = len(AIMS["journals"])
 
 
 def power_law(
@@ -96,12 +97,14 @@ def histogram(
     received: Int[Array, "journal"], papers: Int[Array, "journal"]
 ) -> Float[Array, "bin"]:
     """Shares of journals by rounded impact factor; those without papers are in no bin."""
-    return jnp.zeros(len(AIM)).at[_bins(received, papers)].add(papers > 0) / len(papers)
+    return jnp.zeros(BINS).at[_bins(received, papers)].add(papers > 0) / len(papers)
 
 
-def distance(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Float[Array, ""]:
+def distance(
+    received: Int[Array, "journal"], papers: Int[Array, "journal"], sources: Sources = "journals"
+) -> Float[Array, ""]:
     """From the real distribution, Euclidean."""
-    return jnp.linalg.norm(histogram(received, papers) - AIM)
+    return jnp.linalg.norm(histogram(received, papers) - AIMS[sources])
 
 
 def place(
@@ -110,6 +113,7 @@ def place(
     cited: Int[Array, "paper reference"],
     journals: int,
     assign: Assignment,
+    sources: Sources,
 ) -> Int[Array, "paper"]:
     """The journal of each initial paper; years from 0, in order."""
     for_place, for_order, for_ties = jax.random.split(key, 3)
@@ -132,7 +136,7 @@ def place(
             got = got.at[journal[cited[paper]]].add(counts[paper])
         one = (year[paper] < last).astype(jnp.int32)
         gain = one * received[paper] if known else 0
-        chosen = _nearest(ties[number], got, size, gain, one)
+        chosen = _nearest(ties[number], got, size, gain, one, AIMS[sources])
         joins = jnp.arange(journals) == chosen
         return journal.at[paper].set(chosen), got + joins * gain, size + joins * one
 
@@ -146,6 +150,7 @@ def _nearest(
     papers: Int[Array, "journal"],
     gain: Int[Array, ""] | int,
     one: Int[Array, ""],
+    aim: np.ndarray,
 ) -> Int[Array, ""]:
     """The journal that a paper should join so that the distribution is nearest to the real one.
 
@@ -154,9 +159,9 @@ def _nearest(
     """
     journals, there = len(papers), papers > 0
     now, then = _bins(received, papers), _bins(received + gain, papers + one)
-    bins = jnp.arange(len(AIM))
+    bins = jnp.arange(BINS)
     at_now = (now[:, None] == bins) & there[:, None]
-    surplus = at_now.sum(0) - journals * AIM
+    surplus = at_now.sum(0) - journals * aim
     leaves = jnp.where(there, 1 - 2 * (at_now * surplus).sum(1), 0.0)
     enters = 1 + 2 * ((then[:, None] == bins) * surplus).sum(1)
     moves = (now != then) | (~there & (one > 0))
@@ -168,4 +173,4 @@ def _nearest(
 def _bins(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Int[Array, "journal"]:
     """The rounded impact factor of each journal; the last bin is of all that are larger."""
     rounded = jnp.round(received / jnp.maximum(papers, 1)).astype(jnp.int32)
-    return jnp.minimum(rounded, len(AIM) - 1)
+    return jnp.minimum(rounded, BINS - 1)

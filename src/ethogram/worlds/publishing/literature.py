@@ -106,8 +106,8 @@ def draw(
 
     def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
         for_block, for_paper = words(key, draws, len(drafts))
-        first, end = jnp.zeros_like(for_block, jnp.int32), len(blocks)
-        block = first_beyond(reach, unit(for_block) * reach[-1], first, end, len(blocks))
+        anywhere = jnp.zeros_like(for_block, jnp.int32), len(blocks), len(blocks)
+        block = first_beyond(reach, unit(for_block) * reach[-1], *anywhere)
         mass = literature.total[block]
         first, end = literature.start[block], literature.start[block + 1]
         paper = first_beyond(literature.prefix, scaled(for_paper, mass), first, end, largest)

@@ -27,6 +27,9 @@ SHARES = {"accept_everything": ACCEPT_ALL, "mild_scrutiny": 0.25, "improve_only"
 MAX_REJECTIONS = 10
 BINS = 10
 
+BinRule = Literal["ranked", "literal_clamped"]
+Remainder = Literal["spread", "drop"]
+
 
 class Random(eqx.Module):
     """Any journal, with equal chance; a new draft after more than so many rejections."""
@@ -45,51 +48,71 @@ class Random(eqx.Module):
 class Minded(eqx.Module):
     """A journal of the bin k = floor(bins q / q_max) - rejections, within 1 to `bins`.
 
-    Journals are ranked by impact factor, those that have none last and ties at random, and stand in
-    bins that are as equal as possible; bin `bins` has the highest.  `rule="literal_clamped"` is
-    equation 7.4 as printed, min(1, ...), kept at 1, with the highest impact factors in bin 1.
+    `rule="literal_clamped"` is equation 7.4 as printed, min(1, ...), kept at 1, with the highest
+    impact factors in bin 1: every draft goes to one of the best journals.  Bins are those of
+    `Ranking`.
     """
 
     quality_max: Number
-    bins: int = eqx.field(static=True, default=BINS)
-    rule: Literal["ranked", "literal_clamped"] = eqx.field(static=True, default="ranked")
-    remainder: Literal["spread", "drop"] = eqx.field(static=True, default="spread")
+    ranking: "Ranking" = eqx.field(default_factory=lambda: Ranking())
+    rule: BinRule = eqx.field(static=True, default="ranked")
     max_rejections: int | None = eqx.field(static=True, default=None)
 
     def __call__(
         self, key: Key[Array, ""], seen: Float[Array, "author feature"]
     ) -> Int[Array, "author"]:
         """0 or a journal from 1, for each author."""
-        for_ties, for_choice = jax.random.split(key)
-        quality, rejections, impact = seen[:, 0], seen[:, 1], seen[0, 2:]
-        journals = len(impact)
-        if self.bins > journals:
-            raise InvalidSettings(
-                f"Minded: bins = {self.bins}; allowed: at most as many as there are journals, "
-                f"{journals}."
-            )
+        quality, rejections = seen[:, 0], seen[:, 1]
+        bins = self.ranking.bins
+        wanted = jnp.floor(bins * quality / self.quality_max) - rejections
         if self.rule == "literal_clamped":
-            impact, wanted = -jnp.where(impact < 0, -jnp.inf, impact), jnp.ones_like(quality)
-        else:
-            wanted = jnp.floor(self.bins * quality / self.quality_max) - rejections
-        ranked = jnp.lexsort((jax.random.uniform(for_ties, (journals,)), impact))
-        bin_ = jnp.clip(wanted, 1, self.bins).astype(jnp.int32) - 1
-        first, size = self._bounds(bin_, journals)
-        offset = jnp.floor(jax.random.uniform(for_choice, quality.shape) * size).astype(jnp.int32)
-        chosen = 1 + ranked[first + jnp.minimum(offset, size - 1)]
+            wanted = jnp.full_like(quality, bins)
+        bin_ = jnp.clip(wanted, 1, bins).astype(jnp.int32) - 1
+        chosen = self.ranking.choose(key, bin_, seen[0, 2:])
         if self.max_rejections is None:
             return chosen
         return jnp.where(rejections > self.max_rejections, 0, chosen)
 
-    def _bounds(
-        self, bin_: Int[Array, "author"], journals: int
-    ) -> tuple[Int[Array, "author"], Int[Array, "author"]]:
-        """First rank and size of bins, counted from 0; dropped are journals of the lowest ranks."""
+
+class Ranking(eqx.Module):
+    """Journals by impact factor, those that have none last and ties at random, in equal bins.
+
+    The last bin has the highest.  What cannot be divided is spread over the bins, which are as
+    equal as possible, or dropped: then journals of the lowest ranks are in no bin.
+    """
+
+    bins: int = eqx.field(static=True, default=BINS)
+    remainder: Remainder = eqx.field(static=True, default="spread")
+
+    def choose(
+        self, key: Key[Array, ""], bin_: Int[Array, "author"], impact: Float[Array, "journal"]
+    ) -> Int[Array, "author"]:
+        """A journal of each one's bin, from 1, with equal chance.
+
+        Args:
+            key: consumed.
+            bin_: from 0.
+            impact: negative where undefined.
+
+        Raises:
+            InvalidSettings: there are more bins than journals.
+
+        """
+        for_ties, for_choice = jax.random.split(key)
+        journals = len(impact)
+        if self.bins > journals:
+            raise InvalidSettings(
+                f"bins = {self.bins}; allowed: at most as many as there are journals, {journals}."
+            )
+        ranked = jnp.lexsort((jax.random.uniform(for_ties, (journals,)), impact))
         if self.remainder == "drop":
-            size = journals // self.bins
-            return journals - size * (self.bins - bin_), jnp.full_like(bin_, size)
-        first = bin_ * journals // self.bins
-        return first, (bin_ + 1) * journals // self.bins - first
+            size = jnp.full_like(bin_, journals // self.bins)
+            first = journals - size * (self.bins - bin_)
+        else:
+            first = bin_ * journals // self.bins
+            size = (bin_ + 1) * journals // self.bins - first
+        offset = jnp.floor(jax.random.uniform(for_choice, bin_.shape) * size).astype(jnp.int32)
+        return 1 + ranked[first + jnp.minimum(offset, size - 1)]
 
 
 class Scrutiny(eqx.Module):
@@ -111,13 +134,19 @@ def static(world: Publishing, author: str, editor: str) -> Policy:
     for what, name, known in (("author", author, authors), ("editor", editor, SHARES)):
         if name not in known:
             raise InvalidSettings(f"{what} = {name!r}; allowed: {', '.join(known)}.")
-    submit, judge = authors[author], Scrutiny(SHARES[editor])
+    return Together(authors[author], Scrutiny(SHARES[editor]))
 
-    def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+
+class Together(eqx.Module):
+    """A policy of both roles."""
+
+    author: RolePolicy
+    editor: RolePolicy
+
+    def __call__(self, key: Key[Array, ""], observation: PerRole) -> PerRole:
+        """Each role acts on what it sees."""
         first, second = jax.random.split(key)
         return {
-            "author": submit(first, observation["author"]),
-            "editor": judge(second, observation["editor"]),
+            "author": self.author(first, observation["author"]),
+            "editor": self.editor(second, observation["editor"]),
         }
-
-    return act

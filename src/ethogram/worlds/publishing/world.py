@@ -13,9 +13,10 @@ was at its start (`update="synchronous"`), or one author after the other in rand
 
 Readings, each a setting with its literal form: impact factors are of the union of the two years
 before (`if_window`), known for the last complete year (`if_timing`), and undefined without papers
-(`undefined_if`).  Deviation: qualities are rounded to one of 16 384 levels, a thousandth of the
-spread of an author's papers apart; then sums and quantiles are exact.  An author publishes at most
-one paper a step, so all papers that there can be fit in arrays made beforehand.
+(`undefined_if`); qualities beyond their bounds are cut off, or not drawn (`quality_bounds`).
+Deviation: qualities are rounded to one of 16 384 levels, a thousandth of the spread of an author's
+papers apart; then sums and quantiles are exact.  An author publishes at most one paper a step, so
+all papers that there can be fit in arrays made beforehand.
 """
 
 from typing import Annotated, Literal
@@ -32,6 +33,7 @@ from ethogram.core.memory import readable_count
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.worlds.publishing.impact_2018 import Sources
 from ethogram.worlds.publishing.initial import (
     Assignment,
     Scale,
@@ -89,6 +91,7 @@ class State(eqx.Module):
     time: Int[Array, ""]  # steps
 
 
+Bounds = Literal["clipped", "truncated"]
 Size = Annotated[int, Field(ge=1, le=100_000)]
 
 
@@ -106,7 +109,9 @@ class Publishing(World):
     slope: Number = setting(1.5, Annotated[float, Field(ge=0)])  # k of the power law
     greatest: Number = setting(5.0, Annotated[float, Field(gt=1)])  # theta of the power law
     quality_scale: Scale = setting("linear", Scale, static=True)
+    quality_bounds: Bounds = setting("clipped", Bounds, static=True)  # of papers
     init_assignment: Assignment = setting("two_phase", Assignment, static=True)
+    init_sources: Sources = setting("journals", Sources, static=True)  # of the aim
     if_window: Literal["union", "intersection"] = setting(
         "union", Literal["union", "intersection"], static=True
     )
@@ -159,7 +164,9 @@ class Publishing(World):
         level = self._levels(self._power_law(for_papers, self.initial_papers))
         year = jnp.sort(jax.random.randint(for_years, (self.initial_papers,), 0, INITIAL_YEARS))
         cited = initial_references(for_cited, level, year, self.references)
-        journal = place(for_place, year, cited, self.journals, self.init_assignment)
+        journal = place(
+            for_place, year, cited, self.journals, self.init_assignment, self.init_sources
+        )
         counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
         counts &= year[cited] < INITIAL_YEARS - 1
         nobody = jnp.zeros(self.journals, jnp.int32)
@@ -377,8 +384,7 @@ class Publishing(World):
     ) -> Drafts:
         """New drafts of those who write, the old ones of the others."""
         for_quality, for_cited = jax.random.split(key)
-        spread = self.sigma * jax.random.normal(for_quality, (self.authors,))
-        level = self._levels(quality + spread)
+        level = self._levels(self._draft_quality(for_quality, quality))
         largest = max(self.authors, self.initial_papers)
         drawn = draw(known, year, self.steps_per_year, draws_for(self.references), largest)
         needed = jnp.where(who, jnp.minimum(self.references, known.citable), 0)
@@ -447,6 +453,16 @@ class Publishing(World):
             quality_max=self.quality_max,
             scale=self.quality_scale,
         )
+
+    def _draft_quality(
+        self, key: Key[Array, ""], quality: Float[Array, "author"]
+    ) -> Float[Array, "author"]:
+        """Normal about each author's quality; what lies out of bounds is cut off, or not drawn."""
+        if self.quality_bounds == "clipped":
+            return quality + self.sigma * jax.random.normal(key, quality.shape)
+        sigma = jnp.maximum(self.sigma, 1e-6)
+        low, high = -quality / sigma, (self.quality_max - quality) / sigma
+        return quality + sigma * jax.random.truncated_normal(key, low, high)
 
     def _levels(self, quality: Float[Array, "..."]) -> Int[Array, "..."]:
         share = jnp.clip(quality / self.quality_max, 0.0, 1.0)

@@ -1,0 +1,126 @@
+"""The publishing system as those see it who learn: how ambitious, or how selective, to be.
+
+Thesis, section 7.3.4, "Learnable policies".  One role learns, the other follows a policy.  Each
+learner has a level from 1 to n_bin, at first drawn uniformly, and raises, keeps or lowers it by one
+in every step before anything else happens:
+
+- an author's ambition is the bin of the journals, ranked by impact factor, to which the draft goes;
+- an editor's selectivity b turns away what is below the quantile (b - 1) / n_bin of what the
+  journal has published.
+
+Observations are a table's rows: of authors, ambition x quality x rejections of the draft; of
+editors, selectivity x impact factor x number of papers, each in n_bin bins.  Rewards are those of
+the world, changes of the h-index or, at the end of a year, of the impact factor; `reward="level"`
+pays h-index and impact factor themselves at the same moments.
+
+Readings: rejections beyond n_bin - 1 count as so many, impact factors beyond `IMPACT_MAX` (I_max of
+table 7.1) or undefined as the highest or the lowest; numbers of papers have logarithmic bins from
+none to all that there can be.
+"""
+
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int, Key
+
+from ethogram.core.spaces import Discrete
+from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.worlds.publishing.policies import Ranking, RolePolicy
+from ethogram.worlds.publishing.world import Publishing
+from ethogram.worlds.publishing.world import State as Inner
+
+IMPACT_MAX = 20.0
+MOVES = 3  # down, stay, up
+
+Learning = Literal["author", "editor"]
+Reward = Literal["change", "level"]
+
+
+class State(eqx.Module):
+    """The system, and how ambitious or selective each learner is."""
+
+    system: Inner
+    level: Int[Array, "agent"]  # from 0
+
+
+class Learnable(World):
+    """One role moves its ambition or selectivity; the other follows a policy of its own."""
+
+    system: Publishing
+    others: RolePolicy  # of the role that does not learn
+    learns: Learning = eqx.field(static=True, default="author")
+    ranking: Ranking = eqx.field(default_factory=Ranking)
+    reward: Reward = eqx.field(static=True, default="change")
+
+    @property
+    def horizon(self) -> int:
+        """That of the system."""
+        return self.system.horizon
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """The one that learns: a row of its table, and one of three moves."""
+        agents = self.system.roles[self.learns].agents
+        return {self.learns: Role(agents, Discrete(self.ranking.bins**3), Discrete(MOVES))}
+
+    def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
+        """A fresh system, and levels drawn uniformly."""
+        for_system, for_level = jax.random.split(key)
+        system, _ = self.system.reset(for_system)
+        agents = self.system.roles[self.learns].agents
+        level = jax.random.randint(for_level, (agents,), 0, self.ranking.bins)
+        state = State(system, level)
+        return state, self.observe(state)
+
+    def observe(self, state: State) -> PerRole:
+        """See the module."""
+        seen = self.system.observe(state.system)[self.learns]
+        bins = self.ranking.bins
+        if self.learns == "author":
+            first, second = seen[:, 0] / self.system.quality_max, seen[:, 1] / bins
+        else:
+            papers = jnp.log1p(seen[:, 1]) / jnp.log1p(self.system.capacity)
+            first, second = seen[:, 0] / IMPACT_MAX, papers
+        row = (state.level * bins + self._bin(first)) * bins + self._bin(second)
+        return {self.learns: row}
+
+    def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
+        """Move the levels, let everybody act, and pay those who learn."""
+        for_mine, for_others, for_system = jax.random.split(key, 3)
+        level = jnp.clip(state.level + action[self.learns] - 1, 0, self.ranking.bins - 1)
+        seen = self.system.observe(state.system)
+        act = {
+            role: self._apply(for_mine, level, at)
+            if role == self.learns
+            else self.others(for_others, at)
+            for role, at in seen.items()
+        }
+        system, outcome = self.system.step(for_system, state.system, act)
+        after = State(system, level)
+        return after, Outcome(
+            observation=self.observe(after),
+            reward={self.learns: self._pay(system, outcome)},
+            terminated={self.learns: outcome.terminated[self.learns]},
+            truncated={self.learns: outcome.truncated[self.learns]},
+            metrics=outcome.metrics,
+        )
+
+    def _apply(self, key: Key[Array, ""], level: Int[Array, "agent"], seen: Any) -> Array:
+        if self.learns == "author":
+            return self.ranking.choose(key, level, seen[0, 2:])
+        return level / self.ranking.bins
+
+    def _pay(self, system: Inner, outcome: Outcome) -> Float[Array, "agent"]:
+        if self.reward == "change":
+            return outcome.reward[self.learns]
+        if self.learns == "author":
+            return system.standing.h_index.astype(float)
+        ended = system.time % self.system.steps_per_year == 0
+        return jnp.where(ended, jnp.nan_to_num(system.impact), 0.0)
+
+    def _bin(self, share: Float[Array, "agent"]) -> Int[Array, "agent"]:
+        bins = self.ranking.bins
+        return jnp.clip(jnp.floor(bins * share), 0, bins - 1).astype(jnp.int32)
