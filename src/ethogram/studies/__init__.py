@@ -12,6 +12,7 @@ STUDIES: "Registry[Study]" = Registry(
     "ethogram.studies",
     {
         "language": "ethogram.studies.language",
+        "publishing": "ethogram.studies.publishing",
         "sensing": "ethogram.studies.sensing",
         "sharing": "ethogram.studies.sharing",
     },

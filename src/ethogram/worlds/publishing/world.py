@@ -236,6 +236,8 @@ class Publishing(World):
             metrics={
                 "published": after.literature.published - state.literature.published,
                 "rejected": (after.rejected - state.rejected).sum(),
+                "choice": choice,
+                "accepted": (choice > 0) & (after.drafts.rejections == 0),
             },
         )
 

@@ -1,0 +1,249 @@
+"""Figures 7.1 to 7.9: the initial impact factors, and a grid of snapshots for every scenario.
+
+The thesis' grids have analyses as columns and years as rows; here analyses are rows, so that a page
+can hold them.  The last column is the evolution over time, over all runs with a band; snapshots are
+of the first run.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from ethogram.campaign.study import Records
+from ethogram.core.findings import Figure
+from ethogram.studies.plotting import (
+    INK,
+    SERIES,
+    Row,
+    data_table,
+    draw_legend,
+    draw_mean,
+    new_figure,
+    style,
+    svg,
+)
+from ethogram.studies.publishing.condition import DEFAULT, FIGURES, Condition
+from ethogram.studies.publishing.results import (
+    Results,
+    correlations,
+    indicator,
+    latent,
+    papers_per_year,
+)
+from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
+
+SNAPSHOTS = (1, 4, 8, 12, 15, 20)  # years
+BINS = 12  # of the distributions that are not of qualities
+_BLUE, _RED, *_ = SERIES
+
+
+class Analysis(NamedTuple):
+    """A row of a grid: what its snapshots show, and the line of its evolution."""
+
+    title: str
+    snapshot: Callable[[xr.Dataset, int], "Snapshot"]
+    evolution: Callable[[xr.Dataset], np.ndarray]  # -> [trial, year]
+    years: slice  # in which the evolution has a value
+
+
+class Snapshot(NamedTuple):
+    """Points, or bars where there is a width."""
+
+    x: np.ndarray
+    y: np.ndarray
+    width: float = 0.0
+
+
+@style()
+def figures(records: Records) -> list[Figure]:
+    """Every figure that the records have data for."""
+    results = Results.of(records)
+    shown = [at for at in results.by_condition if at.reading == DEFAULT]
+    if not shown:
+        return []
+    return [_initial(results), *(_grid(results, at) for at in shown)]
+
+
+def _initial(results: Results) -> Figure:
+    """Figure 7.1, and how near the initial states come to it."""
+    drawing, panels = new_figure(1, 1, share_y=False)
+    panel = panels[0, 0]
+    counts = np.array(IMPACT_2018["journals"])
+    rounded, real = np.arange(len(counts)), counts / counts.sum()
+    panel.bar(rounded, real, color=_BLUE.colour, alpha=0.35, label="2018, after SCImago")
+    rows: list[Row] = [("2018", int(at), float(share)) for at, share in enumerate(real)]
+    at = next(at for at in results.by_condition if at.reading == DEFAULT)
+    impact = indicator(results.by_condition[at], "impact_factor")[:, 0]
+    bins = np.minimum(np.round(np.nan_to_num(impact)), len(counts) - 1).astype(int)
+    there = np.isfinite(impact)
+    shares = np.array([(there & (bins == bin_)).mean(1) for bin_ in rounded]).mean(1)
+    name = f"initial states, {impact.shape[1]} journals"
+    panel.plot(rounded, shares, color=_RED.colour, marker=_RED.marker, linestyle="", label=name)
+    rows += [(name, int(at), float(share)) for at, share in enumerate(shares)]
+    panel.set(xlabel="rounded impact factor, 20: or more", ylabel="share of journals")
+    draw_legend(drawing, panel)
+    return Figure(
+        name="figure-7-1",
+        title="Figure 7.1: Impact factors in 2018, and of the initial states",
+        caption="Bars: shares of the 24 620 journals by cites per document over two years, "
+        f"rounded. Points: mean over the initial states of {impact.shape[0]} runs.",
+        alt="A falling distribution; most journals have an impact factor of 0 or 1.",
+        svg=svg(drawing),
+        data=data_table("figure-7-1", ("series", "rounded impact factor", "share"), rows),
+    )
+
+
+def _grid(results: Results, at: Condition) -> Figure:
+    """The snapshots and the evolution of a scenario."""
+    data = results.by_condition[at]
+    last = int(data.attrs["years"])
+    years = [year for year in SNAPSHOTS if year <= last] or [last]
+    drawing, panels = new_figure(
+        len(ANALYSES),
+        len(years) + 1,
+        height=0.4 + 1.02 * len(ANALYSES),
+        share_x=False,
+        share_y=False,
+    )
+    rows: list[Row] = []
+    for analysis, line in zip(ANALYSES, panels, strict=True):
+        snapshots = {year: analysis.snapshot(data, year) for year in years}
+        for year, panel in zip(years, line, strict=False):
+            rows += _draw(panel, snapshots[year], analysis.title, year)
+        _share(line[: len(years)])
+        rows += _evolve(line[-1], data, analysis)
+        line[0].set_ylabel(analysis.title, fontsize=5.5)
+        for panel in line:
+            panel.tick_params(labelsize=5, length=1.5, pad=1.5)
+            panel.locator_params(nbins=3)
+    for year, panel in zip(years, panels[0], strict=False):
+        panel.set_title(f"year {year}", fontsize=6.5)
+    panels[0, -1].set_title("years 0 to " + str(last), fontsize=6.5)
+    number = FIGURES.get(at)
+    name = f"figure-{number.replace('.', '-')}" if number else f"grid-{at.name.replace('_', '-')}"
+    runs = data.sizes["trial"]
+    return Figure(
+        name=name,
+        title=f"{f'Figure {number}: ' if number else ''}{at.words}",
+        caption="Distributions and, over authors or journals, pairs at the end of a year, of the "
+        "first run. Quality of a journal: mean of all that it has published. Last column: the mean "
+        f"of a distribution, or the correlation of a pair, against years; mean of {runs} runs with "
+        "a 95% bootstrap band.",
+        alt=f"A grid: nine analyses, snapshots of {len(years)} years, and the evolution of each.",
+        svg=svg(drawing),
+        data=data_table(name, ("analysis", "year", "x", "y", "low", "high"), rows),
+    )
+
+
+def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
+    there = np.isfinite(seen.x) & np.isfinite(seen.y)
+    x, y = seen.x[there], seen.y[there]
+    if seen.width:
+        panel.fill_between(x, y, step="mid", color=_BLUE.colour, alpha=0.5, lw=0)
+    else:  # one path of dots, each a line without length: a marker each would be ten times as long
+        gaps = np.full(len(x), np.nan)
+        dots = (np.stack([one, one, gaps], 1).ravel() for one in (x, y))
+        panel.plot(*dots, color=_BLUE.colour, lw=1.6, solid_capstyle="round", alpha=0.8)
+    return [(title, year, float(a), float(b), None, None) for a, b in zip(x, y, strict=True)]
+
+
+def _evolve(panel: Axes, data: xr.Dataset, analysis: Analysis) -> list[Row]:
+    values = analysis.evolution(data)
+    years = data["year"].values[analysis.years]
+    whole = np.isfinite(values).all(1)
+    if not whole.any():
+        panel.set_axis_off()
+        return []
+    drawn = draw_mean(panel, years, values[whole], _RED, analysis.title)
+    if np.nanmin(values) < 0 < np.nanmax(values):
+        panel.axhline(0, color=INK, lw=0.4)
+    return [(analysis.title, f"{year:g}", None, mean, low, high) for year, mean, low, high in drawn]
+
+
+def _share(panels: Any) -> None:
+    """The same axes in all snapshots of an analysis."""
+    for bounds, limit in (("get_xlim", "set_xlim"), ("get_ylim", "set_ylim")):
+        found = np.array([getattr(panel, bounds)() for panel in panels])
+        for panel in panels:
+            getattr(panel, limit)(found[:, 0].min(), found[:, 1].max())
+    for panel in panels[1:]:
+        panel.set_yticklabels([])
+
+
+# The analyses, in the thesis' order
+
+
+def _qualities(data: xr.Dataset, year: int) -> Snapshot:
+    counts = data["histogram"].values[0, : year + 1].sum(0)
+    at = data["bin"].values
+    return Snapshot(at, counts / max(1, counts.sum()), at[1] - at[0])
+
+
+def _mean_quality(data: xr.Dataset) -> np.ndarray:
+    papers = data["papers"].values.sum(2).cumsum(1)
+    total = data["quality"].values.astype(float).sum(2).cumsum(1)
+    mean: np.ndarray = total / np.maximum(papers, 1)
+    return mean
+
+
+def _distribution(name: str) -> Callable[[xr.Dataset, int], Snapshot]:
+    def snapshot(data: xr.Dataset, year: int) -> Snapshot:
+        values = indicator(data, name)[0]
+        highest = max(np.nanmax(values, initial=0.0), 1e-6)
+        counts, edges = np.histogram(values[year][np.isfinite(values[year])], BINS, (0, highest))
+        shares = counts / max(1, counts.sum())
+        return Snapshot((edges[1:] + edges[:-1]) / 2, shares, edges[1] - edges[0])
+
+    return snapshot
+
+
+def _mean_of(name: str) -> Callable[[xr.Dataset], np.ndarray]:
+    def evolution(data: xr.Dataset) -> np.ndarray:
+        values = indicator(data, name)
+        there = np.isfinite(values)
+        count = there.sum(2)
+        mean = np.where(there, values, 0.0).sum(2) / np.maximum(count, 1)
+        return np.where(count > 0, mean, np.nan)
+
+    return evolution
+
+
+def _by_journal(data: xr.Dataset, year: int) -> Snapshot:
+    papers = data["papers"].values[0, : year + 1].sum(0)
+    return Snapshot(np.arange(1, len(papers) + 1), papers.astype(float), 1.0)
+
+
+def _pair(name: str) -> Callable[[xr.Dataset, int], Snapshot]:
+    def snapshot(data: xr.Dataset, year: int) -> Snapshot:
+        return Snapshot(latent(data, name)[0, year], indicator(data, name)[0, year])
+
+    return snapshot
+
+
+def _correlation_of(name: str) -> Callable[[xr.Dataset], np.ndarray]:
+    def evolution(data: xr.Dataset) -> np.ndarray:
+        return correlations(data, name)[:, 1:]  # nobody has an h-index at first
+
+    return evolution
+
+
+_ALL, _LATER = slice(None), slice(1, None)
+ANALYSES = (
+    Analysis("paper quality", _qualities, _mean_quality, _ALL),
+    Analysis("h-index", _distribution("h_index"), _mean_of("h_index"), _ALL),
+    Analysis("impact factor", _distribution("impact_factor"), _mean_of("impact_factor"), _ALL),
+    Analysis("acceptance", _distribution("acceptance_rate"), _mean_of("acceptance_rate"), _ALL),
+    Analysis("papers by journal", _by_journal, papers_per_year, _LATER),
+    Analysis("h-index, quality", _pair("h_index"), _correlation_of("h_index"), _LATER),
+    Analysis("IF, quality", _pair("impact_factor"), _correlation_of("impact_factor"), _LATER),
+    Analysis("papers, quality", _pair("papers"), _correlation_of("papers"), _LATER),
+    Analysis(
+        "acceptance, quality",
+        _pair("acceptance_rate"),
+        _correlation_of("acceptance_rate"),
+        _LATER,
+    ),
+)
