@@ -6,6 +6,7 @@ a third of the price of a full generator.
 """
 
 import hashlib
+import math
 
 import jax
 import jax.numpy as jnp
@@ -42,18 +43,39 @@ def counter_bits(key: Key[Array, ""], counter: Int[Array, "..."]) -> UInt32[Arra
     return _mix(_mix(spread + words[..., 0]) ^ words[..., 1])
 
 
+def words(key: Key[Array, ""], *shape: int) -> UInt32[Array, "..."]:
+    """An array of random words, by `counter_bits`: in inner loops, far cheaper than a generator."""
+    return counter_bits(key, jnp.arange(math.prod(shape)).reshape(shape))
+
+
+def branch(key: Key[Array, ""], number: Int[Array, ""] | int) -> Key[Array, ""]:
+    """A new key from a key and a number below 2^30, by `counter_bits`: a `fold_in` for inner loops.
+
+    It shares no word with `words` of less than 2^31 of them.
+    """
+    place = 2 * jnp.asarray(number) + jnp.int32(-(2**31))
+    data = counter_bits(key, place[..., None] + jnp.arange(2))
+    return jax.random.wrap_key_data(data)
+
+
 def unit(bits: UInt32[Array, "..."]) -> Float[Array, "..."]:
     """Random words as numbers between 0 and 1, in steps of 2^-32 near 0 and of 2^-24 near 1."""
     return (bits.astype(jnp.float32) + 0.5) * jnp.float32(2.0**-32)
 
 
-def scaled(bits: UInt32[Array, "..."], bound: Int[Array, "..."]) -> Int[Array, "..."]:
+def gaussian(bits: UInt32[Array, "..."]) -> Float[Array, "..."]:
+    """Random words as numbers from the standard normal distribution, within 6.2 of 0."""
+    return jax.scipy.special.ndtri(jnp.clip(unit(bits), 2.0**-32, 1 - 2.0**-24))
+
+
+def scaled(bits: UInt32[Array, "..."], bound: Int[Array, "..."] | int) -> Int[Array, "..."]:
     """Random words as whole numbers from 0 to below a bound: word x bound / 2^32, rounded down.
 
     Any range of them has its exact chance to 2^-32; computed in halves, as 64 bits may be off.
     """
     high, low = bits >> 16, bits & 0xFFFF
-    above, below = bound.astype(jnp.uint32) >> 16, bound.astype(jnp.uint32) & 0xFFFF
+    whole = jnp.asarray(bound).astype(jnp.uint32)
+    above, below = whole >> 16, whole & 0xFFFF
     middle = high * below + ((low * below) >> 16)
     carry = low * above + (middle & 0xFFFF)
     return (high * above + (middle >> 16) + (carry >> 16)).astype(jnp.int32)

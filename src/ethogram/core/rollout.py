@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Key
 
+from ethogram.core.batching import in_any_copy
 from ethogram.core.world import Outcome, PerRole, World
 
 Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
@@ -77,28 +78,10 @@ def rollout(
             fresh = Position(*world.reset(for_reset))
             return jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
 
-        after = lax.cond(_in_any_copy(last), renewed, lambda: reached)
+        after = lax.cond(in_any_copy(last), renewed, lambda: reached)
         return after, Transition(for_world, at.state, at.observation, action, outcome, state, last)
 
     return lax.scan(advance, start, jax.random.split(key, steps))
-
-
-@jax.custom_batching.custom_vmap
-def _in_any_copy(flag: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Whether a flag is up in any copy of a batch: one answer for all, however deep the `vmap`.
-
-    So a batch resets only in steps in which an episode ends, where a flag for each copy would have
-    every copy reset in every step.
-    """
-    return flag
-
-
-@_in_any_copy.def_vmap
-def _batched(
-    size: int, batched: list[bool], flag: Bool[Array, "copy"]
-) -> tuple[Bool[Array, ""], bool]:
-    del size, batched
-    return _in_any_copy(flag.any()), False
 
 
 def episode_ended(outcome: Outcome) -> Bool[Array, ""]:

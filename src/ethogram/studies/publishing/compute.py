@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, Key
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
-from ethogram.core.keys import fold_in, trial_keys
+from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.rollout import Policy
 from ethogram.core.trees import from_arrays, to_arrays
@@ -162,7 +162,7 @@ def _play(world: World, policy: Policy, key: Key[Array, ""]) -> Played:
 
     def step(at: tuple[Any, PerRole], key: Key[Array, ""]) -> tuple[Any, Glimpse]:
         state, seen = at
-        for_policy, for_world = jax.random.split(key)
+        for_policy, for_world = branch(key, 0), branch(key, 1)
         after, outcome = world.step(for_world, state, policy(for_policy, seen))
         return (after, outcome.observation), glimpse(outcome, _system(after))
 

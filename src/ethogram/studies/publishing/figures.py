@@ -37,6 +37,7 @@ from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
 
 SNAPSHOTS = (1, 4, 8, 12, 15, 20)  # years
 BINS = 12  # of the distributions that are not of qualities
+DOTS = 40  # in a path; matplotlib takes points away from those of more than 128 vertices
 _BLUE, _RED, *_ = SERIES
 
 
@@ -143,10 +144,12 @@ def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
     x, y = seen.x[there], seen.y[there]
     if seen.width:
         panel.fill_between(x, y, step="mid", color=_BLUE.colour, alpha=0.5, lw=0)
-    else:  # one path of dots, each a line without length: a marker each would be ten times as long
+    else:  # paths of dots, each a line without length: a marker each would be ten times as long
         gaps = np.full(len(x), np.nan)
-        dots = (np.stack([one, one, gaps], 1).ravel() for one in (x, y))
-        panel.plot(*dots, color=_BLUE.colour, lw=1.6, solid_capstyle="round", alpha=0.8)
+        dots = np.stack([np.stack([one, one, gaps], 1) for one in (x, y)])
+        for first in range(0, len(x), DOTS):
+            some = dots[:, first : first + DOTS].reshape(2, -1)
+            panel.plot(*some, color=_BLUE.colour, lw=1.6, solid_capstyle="round", alpha=0.8)
     return [(title, year, float(a), float(b), None, None) for a, b in zip(x, y, strict=True)]
 
 
@@ -164,13 +167,13 @@ def _evolve(panel: Axes, data: xr.Dataset, analysis: Analysis) -> list[Row]:
 
 
 def _share(panels: Any) -> None:
-    """The same axes in all snapshots of an analysis."""
+    """The same axes in all snapshots of an analysis, with numbers at the first."""
     for bounds, limit in (("get_xlim", "set_xlim"), ("get_ylim", "set_ylim")):
         found = np.array([getattr(panel, bounds)() for panel in panels])
         for panel in panels:
             getattr(panel, limit)(found[:, 0].min(), found[:, 1].max())
     for panel in panels[1:]:
-        panel.set_yticklabels([])
+        panel.tick_params(labelleft=False, labelbottom=False)
 
 
 # The analyses, in the thesis' order

@@ -13,7 +13,7 @@ those before them.  `assign` places them in journals:
 The papers of year 0 count for no impact factor yet, and go anywhere, but for "online".
 """
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,22 +21,24 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
-from ethogram.core.keys import scaled, unit
+from ethogram.core.batching import add, put, take
+from ethogram.core.keys import branch, scaled, unit, words
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018, Sources
 from ethogram.worlds.publishing.literature import (
     INITIAL_YEARS,
     distinct,
+    distinct_of_few,
     draws_for,
     first_beyond,
     recency,
-    words,
 )
 
 Assignment = Literal["two_phase", "online", "random"]
 Scale = Literal["linear", "none"]
 AIMS = {of: np.array(counts) / sum(counts) for of, counts in IMPACT_2018.items()}
 BINS = len(AIMS["journals"])
+FEW = 64  # papers, the first, that may have to cite nearly all before them
 
 
 def power_law(
@@ -80,17 +82,26 @@ def initial_references(
     reach = jnp.cumsum(total * recency(year[:, None] - jnp.arange(INITIAL_YEARS)), axis=1)
 
     def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
-        for_year, for_paper = words(key, draws, len(drafts))
-        steps = reach[drafts]
-        aim = unit(for_year) * steps[:, -1]
-        block = jnp.minimum((aim[..., None] >= steps).sum(-1), INITIAL_YEARS - 1)
-        mass, end = total[drafts, block], limit[drafts, block]
-        first = jnp.minimum(bounds[block], end)
+        for_year, for_paper = words(key, 2, draws, len(drafts))
+        row = drafts * INITIAL_YEARS
+        steps = [take(reach.reshape(-1), row + year) for year in range(INITIAL_YEARS)]
+        aim = unit(for_year) * steps[-1]
+        block = sum((aim >= step).astype(jnp.int32) for step in steps[:-1])
+        mass, end = (take(each.reshape(-1), row + block) for each in (total, limit))
+        first = jnp.minimum(take(bounds, block), end)
         paper = first_beyond(prefix, scaled(for_paper, mass), first, end, papers)
         return jnp.where(mass > 0, paper, -1)
 
     citable = jnp.cumsum(level > 0) - (level > 0)
-    return distinct(key, drawn, jnp.minimum(references, citable), references)
+    needed = jnp.minimum(references, citable)
+    few = min(FEW, papers)
+    own, year = own[:few], year[:few]
+    weight = level[:few] * recency(year[:, None] - year) * (own < own[:, None])
+    first = distinct_of_few(branch(key, 0), weight, needed[:few], references)
+    later = distinct(
+        branch(key, 1), drawn, jnp.where(jnp.arange(papers) < few, 0, needed), references
+    )
+    return jnp.concatenate([first, later[few:]])
 
 
 def histogram(
@@ -121,53 +132,76 @@ def place(
     anywhere = jax.random.randint(for_place, (papers,), 0, journals)
     if assign == "random":
         return anywhere
-    counts = (cited >= 0) & (year[:, None] == last) & (year[cited] < last)  # citations that count
-    received = jnp.zeros(papers, jnp.int32).at[cited].add(counts)
+    before = take(year, jnp.maximum(cited, 0)) < last
+    counts = (cited >= 0) & (year[:, None] == last) & before  # citations that count
+    received = add(jnp.zeros(papers, jnp.int32), jnp.maximum(cited, 0), counts.astype(jnp.int32))
     known = assign == "two_phase"
     chance = jax.random.uniform(for_order, (papers,))
     order = jnp.lexsort((chance, year == last)) if known else jnp.arange(papers)
-    placed = (year < last).sum() if known else papers
     ties = jax.random.uniform(for_ties, (papers, journals))
+    aim = jnp.asarray(journals * AIMS[sources])
 
-    def settle(number: Int[Array, ""], so_far: tuple[Array, ...]) -> tuple[Array, ...]:
-        journal, got, size = so_far
-        paper = order[number]
+    def settle(so_far: _Placed, at: tuple[Array, Array, Array, Array]) -> tuple[_Placed, Array]:
+        paper, tie, gain, one = at
         if not known:  # it brings its citations of those that were placed
-            got = got.at[journal[cited[paper]]].add(counts[paper])
-        one = (year[paper] < last).astype(jnp.int32)
-        gain = one * received[paper] if known else 0
-        chosen = _nearest(ties[number], got, size, gain, one, AIMS[sources])
-        joins = jnp.arange(journals) == chosen
-        return journal.at[paper].set(chosen), got + joins * gain, size + joins * one
+            brought = so_far.received.at[so_far.journal[cited[paper]]].add(counts[paper])
+            so_far = so_far._replace(received=brought)
+        chosen = _nearest(tie, so_far, gain, one, aim)
+        return _join(so_far, paper, chosen, gain, one, remember=not known), chosen
 
+    one = (take(year, order) < last).astype(jnp.int32)
+    gain = one * take(received, order) * known
     nothing = jnp.zeros(journals, jnp.int32)
-    return lax.fori_loop(0, placed, settle, (anywhere, nothing, nothing))[0]
+    start = _Placed(nothing[:0] if known else anywhere, nothing, nothing)
+    _, chosen = lax.scan(settle, start, (order, ties, gain, one))
+    if not known:
+        return chosen
+    return put(anywhere, jnp.where(one > 0, order, papers), chosen)  # beyond: dropped
+
+
+class _Placed(NamedTuple):
+    """Where papers are, as far as they were placed."""
+
+    journal: Int[Array, "paper"]
+    received: Int[Array, "journal"]  # citations that count
+    papers: Int[Array, "journal"]  # that count
+
+
+def _join(
+    so_far: _Placed,
+    paper: Int[Array, ""],
+    chosen: Int[Array, ""],
+    gain: Int[Array, ""],
+    one: Int[Array, ""],
+    *,
+    remember: bool,
+) -> _Placed:
+    joins = jnp.arange(len(so_far.papers)) == chosen
+    journal = so_far.journal.at[paper].set(chosen) if remember else so_far.journal
+    return _Placed(journal, so_far.received + joins * gain, so_far.papers + joins * one)
 
 
 def _nearest(
     tie: Float[Array, "journal"],
-    received: Int[Array, "journal"],
-    papers: Int[Array, "journal"],
-    gain: Int[Array, ""] | int,
+    so_far: _Placed,
+    gain: Int[Array, ""],
     one: Int[Array, ""],
-    aim: np.ndarray,
+    aim: Float[Array, "bin"],
 ) -> Int[Array, ""]:
     """The journal that a paper should join so that the distribution is nearest to the real one.
 
     With a surplus of s journals in a bin over those wanted, one that leaves the bin changes the sum
     of squares by 1 - 2 s, one that enters it by 1 + 2 s.
     """
-    journals, there = len(papers), papers > 0
+    _, received, papers = so_far
+    there = papers > 0
     now, then = _bins(received, papers), _bins(received + gain, papers + one)
-    bins = jnp.arange(BINS)
-    at_now = (now[:, None] == bins) & there[:, None]
-    surplus = at_now.sum(0) - journals * aim
-    leaves = jnp.where(there, 1 - 2 * (at_now * surplus).sum(1), 0.0)
-    enters = 1 + 2 * ((then[:, None] == bins) * surplus).sum(1)
+    surplus = ((now == jnp.arange(BINS)[:, None]) & there).sum(1) - aim
+    leaves = jnp.where(there, 1 - 2 * take(surplus, now), 0.0)
+    enters = 1 + 2 * take(surplus, then)
     moves = (now != then) | (~there & (one > 0))
     change = jnp.where(moves, enters + leaves, 0.0)
-    tied = change <= change.min() + 1e-4
-    return jnp.argmax(jnp.where(tied, tie, -1.0))
+    return jnp.argmax(jnp.where(change <= change.min() + 1e-4, tie, -1.0))
 
 
 def _bins(received: Int[Array, "journal"], papers: Int[Array, "journal"]) -> Int[Array, "journal"]:

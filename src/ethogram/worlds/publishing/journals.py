@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from ethogram.core.batching import add, take
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.literature import LEVELS
 
@@ -20,7 +21,8 @@ class Qualities(eqx.Module):
     """How many papers of each quality every journal has published."""
 
     papers: Int[Array, "journal"]
-    lower: Int[Array, "journal level"]  # at first + half - 1: those from `first` to a half later
+    # of each journal in turn, at first + half - 1: those of the levels from first to a half later
+    lower: Int[Array, "journal_x_level"]
 
     def add(
         self, journal: Int[Array, "paper"], level: Int[Array, "paper"], there: Bool[Array, "paper"]
@@ -29,8 +31,11 @@ class Qualities(eqx.Module):
         half = jnp.array(HALVES)[:, None]
         first = level & ~(2 * half - 1)
         counts = there & (level & half == 0)
-        lower = self.lower.at[journal, first + half - 1].add(counts.astype(jnp.int32))
-        return Qualities(self.papers.at[journal].add(there.astype(jnp.int32)), lower)
+        node = journal * LEVELS + first + (half - 1)
+        return Qualities(
+            add(self.papers, journal, there.astype(jnp.int32)),
+            add(self.lower, node, counts.astype(jnp.int32)),
+        )
 
     def quantile(self, share: Float[Array, "journal"]) -> Float[Array, "journal"]:
         """The level below which a share of a journal's papers lies, by linear interpolation.
@@ -47,9 +52,9 @@ class Qualities(eqx.Module):
 
     def _of_rank(self, rank: Int[Array, "journal"]) -> Float[Array, "journal"]:
         """The level of each journal's paper of that rank, from 0, by rising level."""
-        journal, first = jnp.arange(len(rank)), jnp.zeros_like(rank)
+        journal, first = jnp.arange(len(rank)) * LEVELS, jnp.zeros_like(rank)
         for half in HALVES:
-            lower = self.lower[journal, first + (half - 1)]
+            lower = take(self.lower, journal + first + (half - 1))
             above = rank >= lower
             first, rank = first + half * above, rank - lower * above
         return first.astype(float)
@@ -57,7 +62,7 @@ class Qualities(eqx.Module):
 
 def empty(journals: int) -> Qualities:
     """Nothing published."""
-    return Qualities(jnp.zeros(journals, jnp.int32), jnp.zeros((journals, LEVELS), jnp.int32))
+    return Qualities(jnp.zeros(journals, jnp.int32), jnp.zeros(journals * LEVELS, jnp.int32))
 
 
 def impact_factor(

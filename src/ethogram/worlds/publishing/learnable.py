@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int, Key
 
+from ethogram.core.keys import branch
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.worlds.publishing.policies import Ranking, RolePolicy
@@ -89,7 +90,7 @@ class Learnable(World):
 
     def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
         """Move the levels, let everybody act, and pay those who learn."""
-        for_mine, for_others, for_system = jax.random.split(key, 3)
+        for_mine, for_others, for_system = (branch(key, use) for use in range(3))
         level = jnp.clip(state.level + action[self.learns] - 1, 0, self.ranking.bins - 1)
         seen = self.system.observe(state.system)
         act = {

@@ -17,14 +17,15 @@ from collections.abc import Callable
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key, UInt32
+from jaxtyping import Bool, Float, Int, Key
 
-from ethogram.core.keys import counter_bits, fold_in, scaled, unit
+from ethogram.core.batching import in_any_copy, put, take
+from ethogram.core.keys import branch, scaled, unit, words
 
 LEVELS = 2**14  # of quality, from 0 to the largest
 INITIAL_YEARS = 3  # -2, -1, 0: a block each
 
-TOGETHER = 32  # drafts whose references are drawn at once
+TOGETHER = 32  # drafts that are served at once: in most steps, most authors wait
 
 Found = tuple[Array, Array]  # papers, draft by draft, and how many of them there are
 # For a key and some drafts: papers that these would cite, with repetitions; -1, rarely, for none.
@@ -79,7 +80,7 @@ def recency(age: Int[Array, "..."]) -> Float[Array, "..."]:
 
 def draws_for(references: int) -> int:
     """Draws for each draft before looking which are new: enough, mostly."""
-    return references + references // 2 + 1
+    return references + max(2, references // 5)
 
 
 def draw(
@@ -105,7 +106,7 @@ def draw(
     reach = jnp.cumsum(literature.total * jnp.where(age >= 0, recency(age), 0.0))
 
     def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
-        for_block, for_paper = words(key, draws, len(drafts))
+        for_block, for_paper = words(key, 2, draws, len(drafts))
         anywhere = jnp.zeros_like(for_block, jnp.int32), len(blocks), len(blocks)
         block = first_beyond(reach, unit(for_block) * reach[-1], *anywhere)
         mass = literature.total[block]
@@ -116,11 +117,6 @@ def draw(
     return drawn
 
 
-def words(key: Key[Array, ""], draws: int, drafts: int) -> UInt32[Array, "2 draw draft"]:
-    """Two random words for each draw."""
-    return counter_bits(key, jnp.arange(2 * draws * drafts).reshape(2, draws, drafts))
-
-
 def first_beyond(
     rising: Array, aim: Array, first: Int[Array, "..."], end: Int[Array, "..."] | int, most: int
 ) -> Int[Array, "..."]:
@@ -128,49 +124,56 @@ def first_beyond(
 
     The last one if none does.
     """
-    before = first  # nothing before this exceeds the aim
-    stride = 1 << max(most - 1, 0).bit_length()
-    while stride > 1:
-        stride //= 2
+
+    def halve(before: Array, stride: Int[Array, ""]) -> tuple[Array, None]:
         last = before + (stride - 1)
-        below = rising[jnp.minimum(last, len(rising) - 1)] <= aim
-        before = jnp.where(below & (last < end - 1), last + 1, before)
-    return before
+        below = take(rising, jnp.minimum(last, len(rising) - 1)) <= aim
+        return jnp.where(below & (last < end - 1), last + 1, before), None
+
+    # a loop: written out, the compiler would compute every look-up from all those before it again
+    powers = reversed(range((most - 1).bit_length()))
+    strides = jnp.array([1 << power for power in powers], jnp.int32)
+    return lax.scan(halve, first, strides)[0]
 
 
 def distinct(
-    key: Key[Array, ""], drawn: Draw, needed: Int[Array, "draft"], references: int
+    key: Key[Array, ""],
+    drawn: Draw,
+    needed: Int[Array, "draft"],
+    references: int,
 ) -> Int[Array, "draft reference"]:
     """The first different papers of a sequence of draws for each draft; -1 where fewer are needed.
 
-    Drafts that need any are served a few at a time, until these have all that they need: in most
-    steps most authors write nothing, and a draft that must cite nearly all there is takes long.
+    Drafts that need any are served some at a time, until these have all that they need.
     """
     drafts = len(needed)
     few = min(drafts, TOGETHER)
     waiting, count = chosen_first(needed > 0), (needed > 0).sum()
+    slot = jnp.arange(references)
 
     def serve(at: tuple[Array, Array]) -> tuple[Array, Array]:
         cited, done = at
-        number = jnp.minimum(done, drafts - few) + jnp.arange(few)
-        draft, due = waiting[number], (number >= done) & (number < count)
+        number = done + jnp.arange(few)
+        due = number < count
+        draft = take(waiting, jnp.minimum(number, drafts - 1))
 
         def papers(round_: Int[Array, ""]) -> Int[Array, "draw few"]:
-            return drawn(fold_in(fold_in(key, done), round_), draft)
+            return drawn(branch(branch(key, done), round_), draft)
 
-        found = _different(papers, jnp.where(due, needed[draft], 0), references)
-        found = jnp.where(due[:, None], found, cited[draft])
-        return cited.at[draft].set(found, unique_indices=True), done + few
+        found = _different(papers, jnp.where(due, take(needed, draft), 0), references)
+        place = jnp.where(due, draft, drafts) * references + slot[:, None]  # beyond: dropped
+        return put(cited, place, found), done + few
 
-    nothing = jnp.full((drafts, references), -1), jnp.int32(0)
-    return lax.while_loop(lambda at: at[1] < count, serve, nothing)[0]
+    nothing = jnp.full(drafts * references, -1), jnp.int32(0)
+    cited, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), serve, nothing)
+    return cited.reshape(drafts, references)
 
 
 def _different(
     papers: Callable[[Int[Array, ""]], Int[Array, "draw few"]],
     needed: Int[Array, "few"],
     references: int,
-) -> Int[Array, "few reference"]:
+) -> Int[Array, "reference few"]:
     """The first different papers of rounds of draws; drafts are the last axis, which is fast."""
     slot = jnp.arange(references)[:, None]
 
@@ -185,10 +188,33 @@ def _different(
 
     start = jnp.full((references, len(needed)), -1), jnp.zeros_like(needed)
     (kept, _), _ = lax.while_loop(lambda at: (at[0][1] < needed).any(), more, (start, jnp.int32(0)))
-    return kept.T
+    return kept
+
+
+def distinct_of_few(
+    key: Key[Array, ""],
+    weight: Float[Array, "draft paper"],
+    needed: Int[Array, "draft"],
+    references: int,
+) -> Int[Array, "draft reference"]:
+    """As `distinct`, but weighing every paper for every draft: where nearly all must be cited.
+
+    The papers with the largest log(weight) + g, with g of the standard Gumbel distribution, are a
+    draw without replacement (Yellott, 1977).
+    """
+    gumbel = -jnp.log(-jnp.log(unit(words(key, *weight.shape)) * (1 - 2.0**-24)))
+    score = jnp.where(weight > 0, jnp.log(weight) + gumbel, -jnp.inf)
+    papers = jnp.arange(weight.shape[1])
+
+    def best(score: Array, _: None) -> tuple[Array, Array]:
+        paper = score.argmax(1)
+        return jnp.where(papers == paper[:, None], -jnp.inf, score), paper
+
+    _, cited = lax.scan(best, score, None, references)
+    return jnp.where(jnp.arange(references) < needed[:, None], cited.T, -1)
 
 
 def chosen_first(chosen: Bool[Array, "item"]) -> Int[Array, "item"]:
     """The numbers of all items, those chosen first, each part in order."""
     place = jnp.where(chosen, jnp.cumsum(chosen), chosen.sum() + jnp.cumsum(~chosen)) - 1
-    return jnp.zeros_like(place).at[place].set(jnp.arange(len(place)), unique_indices=True)
+    return put(jnp.zeros_like(place), place, jnp.arange(len(place)))

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from typing import Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int, Key
 
+from ethogram.core.batching import take
 from ethogram.core.errors import InvalidSettings
+from ethogram.core.keys import branch, scaled, words
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
 from ethogram.core.world import PerRole
@@ -41,7 +42,7 @@ class Random(eqx.Module):
     ) -> Int[Array, "author"]:
         """0 or a journal from 1, for each author."""
         journals = seen.shape[1] - 2
-        chosen = jax.random.randint(key, seen.shape[:1], 1, journals + 1)
+        chosen = 1 + scaled(words(key, len(seen)), journals)
         return jnp.where(seen[:, 1] > self.max_rejections, 0, chosen)
 
 
@@ -98,21 +99,20 @@ class Ranking(eqx.Module):
             InvalidSettings: there are more bins than journals.
 
         """
-        for_ties, for_choice = jax.random.split(key)
         journals = len(impact)
         if self.bins > journals:
             raise InvalidSettings(
                 f"bins = {self.bins}; allowed: at most as many as there are journals, {journals}."
             )
-        ranked = jnp.lexsort((jax.random.uniform(for_ties, (journals,)), impact))
+        chance = words(key, journals + len(bin_))
+        ranked = jnp.lexsort((chance[:journals], impact))
         if self.remainder == "drop":
             size = jnp.full_like(bin_, journals // self.bins)
             first = journals - size * (self.bins - bin_)
         else:
             first = bin_ * journals // self.bins
             size = (bin_ + 1) * journals // self.bins - first
-        offset = jnp.floor(jax.random.uniform(for_choice, bin_.shape) * size).astype(jnp.int32)
-        return 1 + ranked[first + jnp.minimum(offset, size - 1)]
+        return 1 + take(ranked, first + scaled(chance[journals:], size))
 
 
 class Scrutiny(eqx.Module):
@@ -145,8 +145,7 @@ class Together(eqx.Module):
 
     def __call__(self, key: Key[Array, ""], observation: PerRole) -> PerRole:
         """Each role acts on what it sees."""
-        first, second = jax.random.split(key)
         return {
-            "author": self.author(first, observation["author"]),
-            "editor": self.editor(second, observation["editor"]),
+            "author": self.author(branch(key, 0), observation["author"]),
+            "editor": self.editor(branch(key, 1), observation["editor"]),
         }

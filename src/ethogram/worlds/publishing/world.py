@@ -25,10 +25,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
+from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.errors import TooLarge
+from ethogram.core.keys import branch, gaussian, unit, words
 from ethogram.core.memory import readable_count
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
@@ -45,6 +48,7 @@ from ethogram.worlds.publishing.journals import Qualities, empty, impact_factor
 from ethogram.worlds.publishing.literature import (
     INITIAL_YEARS,
     LEVELS,
+    TOGETHER,
     Literature,
     chosen_first,
     distinct,
@@ -89,6 +93,15 @@ class State(eqx.Module):
     impact: Float[Array, "journal"]  # of the last complete year
     rejected: Int[Array, "journal"]
     time: Int[Array, ""]  # steps
+
+
+class Out(eqx.Module):
+    """What changes as papers come out."""
+
+    literature: Literature
+    standing: Standing
+    qualities: Qualities
+    received: Int[Array, "journal"]
 
 
 Bounds = Literal["clipped", "truncated"]
@@ -168,10 +181,13 @@ class Publishing(World):
             for_place, year, cited, self.journals, self.init_assignment, self.init_sources
         )
         counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
-        counts &= year[cited] < INITIAL_YEARS - 1
+        counts &= take(year, jnp.maximum(cited, 0)) < INITIAL_YEARS - 1
         nobody = jnp.zeros(self.journals, jnp.int32)
-        papers = jnp.zeros((self.journals, INITIAL_YEARS), jnp.int32).at[journal, year].add(1)
-        received = nobody.at[journal[cited]].add(counts.astype(jnp.int32))
+        in_year = jnp.zeros(self.journals * INITIAL_YEARS, jnp.int32)
+        in_year = add(in_year, journal * INITIAL_YEARS + year, jnp.ones_like(year))
+        papers = in_year.reshape(self.journals, INITIAL_YEARS)
+        cited_in = take(journal, jnp.maximum(cited, 0))
+        received = add(nobody, cited_in, counts.astype(jnp.int32))
         none = jnp.zeros(self.authors, jnp.int32)
         state = State(
             quality=quality,
@@ -207,22 +223,18 @@ class Publishing(World):
 
     def step(self, key: Key[Array, ""], state: State, action: PerRole) -> tuple[State, Outcome]:
         """Submit, decide, publish, cite, write; at the end of a year, count."""
-        for_order, for_drafts = jax.random.split(key)
         choice, share = action["author"], action["editor"]
         if self.update == "synchronous":
             everyone = jnp.ones(self.authors, bool)
-            after = self._act(for_drafts, state, choice, share, everyone)
+            after = self._act(key, state, choice, share, everyone)
         else:
-            order = jax.random.permutation(for_order, self.authors)
-            keys = jax.random.split(for_drafts, self.authors)
+            everyone = jnp.arange(self.authors)
 
-            def one(state: State, at: tuple[Array, Array]) -> tuple[State, None]:
-                author, key = at
-                return self._act(
-                    key, state, choice, share, jnp.arange(self.authors) == author
-                ), None
+            def one(state: State, author: Int[Array, ""]) -> tuple[State, None]:
+                own = branch(key, author)
+                return self._act(own, state, choice, share, everyone == author), None
 
-            after, _ = lax.scan(one, state, (order, keys))
+            after, _ = lax.scan(one, state, jnp.argsort(words(key, self.authors)))
         after = self._close(after)
         over = after.time >= self.horizon
         gained = after.standing.h_index - state.standing.h_index
@@ -259,103 +271,134 @@ class Publishing(World):
         journal = jnp.maximum(choice - 1, 0)
         submits = acting & (choice > 0)
         threshold = jnp.where(share < 0, -jnp.inf, state.qualities.quantile(jnp.maximum(share, 0)))
-        accepted = submits & (state.drafts.level >= threshold[journal])
+        accepted = submits & (state.drafts.level >= take(threshold, journal))
         refused = submits & ~accepted
-        papers = self._publish(state, journal, accepted)
-        cited = jnp.where(accepted[:, None], state.drafts.cited, -1)
-        standing, papers = self._cite(papers, state.standing, cited, accepted)
+        out = self._come_out(state, journal, accepted)
+        papers = out.literature
         writes = accepted | (acting & (choice == 0))
         known = papers.as_of(state.literature)
         drafts = self._write(key, state.quality, state.drafts, known, self.year(state), writes)
         return State(
             quality=state.quality,
             drafts=Drafts(drafts.level, drafts.cited, drafts.rejections + refused),
-            standing=standing,
+            standing=out.standing,
             literature=papers,
-            qualities=state.qualities.add(journal, state.drafts.level, accepted),
+            qualities=out.qualities,
             window=state.window,
-            this_year=state.this_year.at[journal].add(accepted.astype(jnp.int32)),
-            received=state.received + self._in_window(papers, self.year(state), cited),
+            this_year=add(state.this_year, journal, accepted.astype(jnp.int32)),
+            received=out.received,
             impact=state.impact,
-            rejected=state.rejected.at[journal].add(refused.astype(jnp.int32)),
+            rejected=add(state.rejected, journal, refused.astype(jnp.int32)),
             time=state.time,
         )
 
-    def _publish(
+    def _come_out(
         self, state: State, journal: Int[Array, "author"], accepted: Bool[Array, "author"]
+    ) -> "Out":
+        """Publish the accepted drafts, some at a time, and count what they cite."""
+        waiting, count = chosen_first(accepted), accepted.sum()
+        some = min(self.authors, TOGETHER)
+        tally = state.standing.tally.at[:, 0].add(accepted.astype(jnp.int32))
+        standing = eqx.tree_at(lambda s: s.tally, state.standing, tally)
+        out = Out(state.literature, standing, state.qualities, state.received)
+
+        def publish(at: tuple[Out, Array]) -> tuple[Out, Array]:
+            out, done = at
+            number = done + jnp.arange(some)
+            author = take(waiting, jnp.minimum(number, self.authors - 1))
+            due, place = number < count, take(journal, author)
+            level = jnp.where(due, take(state.drafts.level, author), 0)
+            cited = jnp.where(due[:, None], state.drafts.cited[author], -1)
+            papers = self._publish(out.literature, state.time, author, place, level, due.sum())
+            standing, papers = self._cite(papers, out.standing, cited)
+            received = out.received + self._in_window(papers, self.year(state), cited)
+            return Out(
+                papers, standing, out.qualities.add(place, level, due), received
+            ), done + some
+
+        start = out, jnp.int32(0)
+        out, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), publish, start)
+        return eqx.tree_at(lambda o: o.standing, out, self._rise(out.standing))
+
+    def _publish(
+        self,
+        papers: Literature,
+        time: Int[Array, ""],
+        author: Int[Array, "draft"],
+        journal: Int[Array, "draft"],
+        level: Int[Array, "draft"],
+        count: Int[Array, ""],
     ) -> Literature:
-        """Append the accepted drafts to this step's block."""
-        papers, block = state.literature, INITIAL_YEARS + state.time
-        author = chosen_first(accepted)  # those accepted, in order; what comes behind is empty
-        level = jnp.where(accepted[author], state.drafts.level[author], 0)
-        published = papers.published + accepted.sum()
-
-        def put(values: Array, new: Array) -> Array:
-            return lax.dynamic_update_slice(values, new, (papers.published,))
-
+        """Append the first so many drafts to this step's block."""
+        block, place = INITIAL_YEARS + time, papers.published + jnp.arange(len(author))
+        published = papers.published + count
         return Literature(
-            level=put(papers.level, level),
-            prefix=put(papers.prefix, papers.total[block] + jnp.cumsum(level)),
-            author=put(papers.author, author),
-            journal=put(papers.journal, journal[author]),
+            level=put(papers.level, place, level),
+            prefix=put(papers.prefix, place, take(papers.total, block) + jnp.cumsum(level)),
+            author=put(papers.author, place, author),
+            journal=put(papers.journal, place, journal),
             citations=papers.citations,
             mark=papers.mark,
-            start=papers.start.at[block + 1].set(published),
-            total=papers.total.at[block].add(level.sum()),
+            start=put(papers.start, block + 1, published),
+            total=add(papers.total, block, level.sum()),
             published=published,
             citable=papers.citable + (level > 0).sum(),
         )
 
     def _cite(
-        self,
-        papers: Literature,
-        standing: Standing,
-        cited: Int[Array, "author reference"],
-        accepted: Bool[Array, "author"],
+        self, papers: Literature, standing: Standing, cited: Int[Array, "draft reference"]
     ) -> tuple[Standing, Literature]:
-        """Count citations, and let h-indices rise; papers just published have none."""
+        """Count citations; h-indices are not raised yet."""
         events = cited.reshape(-1)
-        paper = jnp.where(events >= 0, events, len(papers.level))  # beyond: dropped
+        there, paper = events >= 0, jnp.maximum(events, 0)
+        beyond = jnp.where(there, events, len(papers.level))  # dropped, if there is none
         number = jnp.arange(len(events))
-        before = papers.citations.at[paper].get(mode="fill", fill_value=0)
+        before = take(papers.citations, paper)
         # one each, made of what was read: it is read before it is written, and not copied
-        one = (before >= 0).astype(jnp.int32)
-        citations = papers.citations.at[paper].add(one, mode="drop")
-        after = citations.at[paper].get(mode="fill", fill_value=0)
-        mark = papers.mark.at[paper].set(number, mode="drop")
-        once = mark.at[paper].get(mode="fill", fill_value=-1) == number  # each paper, once
-        owner = papers.author.at[paper].get(mode="fill", fill_value=-1)
-        owner = jnp.where(once & (owner >= 0), owner, self.authors)  # beyond: dropped
-        top = standing.tally.shape[1] - 1
-        tally = standing.tally.at[:, 0].add(accepted.astype(jnp.int32))
-        tally = tally.at[owner, jnp.minimum(before, top)].add(-1, mode="drop")
-        tally = tally.at[owner, jnp.minimum(after, top)].add(1, mode="drop")
-        h_index = standing.h_index
-        passes = h_index.at[owner].get(mode="fill", fill_value=0)
-        passes = (before <= passes) & (after > passes)
-        above = standing.above.at[owner].add(passes.astype(jnp.int32), mode="drop")
+        citations = add(papers.citations, beyond, (before >= 0).astype(jnp.int32))
+        after = take(citations, paper)
+        mark = put(papers.mark, beyond, number)
+        once = there & (take(mark, paper) == number)  # each paper, once
+        owner = take(papers.author, paper)
+        counts = once & (owner >= 0)
+        owner, counted = jnp.where(counts, owner, 0), counts.astype(jnp.int32)
+        width = standing.tally.shape[1]
+        tally = standing.tally.reshape(-1)
+        tally = add(tally, owner * width + jnp.minimum(before, width - 1), -counted)
+        tally = add(tally, owner * width + jnp.minimum(after, width - 1), counted)
+        reached = take(standing.h_index, owner)
+        passes = (before <= reached) & (after > reached)
+        above = add(standing.above, owner, counted * passes)
+        standing = Standing(standing.h_index, above, tally.reshape(-1, width))
+        return standing, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
+
+    def _rise(self, standing: Standing) -> Standing:
+        """Let h-indices be as high as they may."""
+        width, tally = standing.tally.shape[1], standing.tally.reshape(-1)
 
         def rising(at: tuple[Array, Array]) -> Array:
-            return (at[1] > at[0]).any()
+            return in_any_copy((at[1] > at[0]).any())
 
         def rise(at: tuple[Array, Array]) -> tuple[Array, Array]:
             h_index, above = at
             up = above > h_index
             h_index = h_index + up
-            exactly = jnp.take_along_axis(tally, h_index[:, None], 1)[:, 0]
+            exactly = take(tally, jnp.arange(self.authors) * width + h_index)
             return h_index, above - jnp.where(up, exactly, 0)
 
-        standing = Standing(*lax.while_loop(rising, rise, (h_index, above)), tally)
-        return standing, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
+        h_index, above = lax.while_loop(rising, rise, (standing.h_index, standing.above))
+        return Standing(h_index, above, standing.tally)
 
     def _in_window(
-        self, papers: Literature, year: Int[Array, ""], cited: Int[Array, "author reference"]
+        self, papers: Literature, year: Int[Array, ""], cited: Int[Array, "draft reference"]
     ) -> Int[Array, "journal"]:
         """Citations, by the cited papers' journals, of papers of the two years before."""
-        first, end = (papers.start[first_block(at, self.steps_per_year)] for at in (year - 2, year))
+        first, end = (
+            take(papers.start, first_block(at, self.steps_per_year)) for at in (year - 2, year)
+        )
         counts = (cited >= first) & (cited < end)
-        journal = papers.journal[jnp.maximum(cited, 0)]
-        return jnp.zeros(self.journals, jnp.int32).at[journal].add(counts)
+        journal = take(papers.journal, jnp.maximum(cited, 0))
+        return add(jnp.zeros(self.journals, jnp.int32), journal, counts.astype(jnp.int32))
 
     def _close(self, state: State) -> State:
         """Let time pass; a year that ends gives its impact factors and becomes the year before."""
@@ -385,12 +428,11 @@ class Publishing(World):
         who: Bool[Array, "author"],
     ) -> Drafts:
         """New drafts of those who write, the old ones of the others."""
-        for_quality, for_cited = jax.random.split(key)
-        level = self._levels(self._draft_quality(for_quality, quality))
+        level = self._levels(self._draft_quality(branch(key, 0), quality))
         largest = max(self.authors, self.initial_papers)
         drawn = draw(known, year, self.steps_per_year, draws_for(self.references), largest)
         needed = jnp.where(who, jnp.minimum(self.references, known.citable), 0)
-        cited = distinct(for_cited, drawn, needed, self.references)
+        cited = distinct(branch(key, 1), drawn, needed, self.references)
         return Drafts(
             jnp.where(who, level, drafts.level),
             jnp.where(who[:, None], cited, drafts.cited),
@@ -409,7 +451,7 @@ class Publishing(World):
         """The initial papers, with room for those to come."""
         papers, blocks = self.initial_papers, INITIAL_YEARS + self.horizon
         bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
-        total = jnp.zeros(blocks, jnp.int32).at[year].add(level)
+        total = add(jnp.zeros(blocks, jnp.int32), year, level)
         whole = jnp.cumsum(level)
         before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
 
@@ -424,7 +466,11 @@ class Publishing(World):
             prefix=room(whole - before[bounds[year]]),
             author=room(jnp.full(papers, -1), -1),
             journal=room(journal),
-            citations=room(jnp.zeros(papers, jnp.int32)).at[cited].add(cited >= 0),
+            citations=add(
+                room(jnp.zeros(papers, jnp.int32)),
+                jnp.maximum(cited, 0),
+                (cited >= 0).astype(jnp.int32),
+            ),
             mark=room(jnp.zeros(papers, jnp.int32)),
             start=jnp.full(blocks + 1, papers, jnp.int32).at[: INITIAL_YEARS + 1].set(bounds),
             total=total,
@@ -460,11 +506,12 @@ class Publishing(World):
         self, key: Key[Array, ""], quality: Float[Array, "author"]
     ) -> Float[Array, "author"]:
         """Normal about each author's quality; what lies out of bounds is cut off, or not drawn."""
+        chance = words(key, self.authors)
         if self.quality_bounds == "clipped":
-            return quality + self.sigma * jax.random.normal(key, quality.shape)
+            return quality + self.sigma * gaussian(chance)
         sigma = jnp.maximum(self.sigma, 1e-6)
-        low, high = -quality / sigma, (self.quality_max - quality) / sigma
-        return quality + sigma * jax.random.truncated_normal(key, low, high)
+        low, high = (ndtr((bound - quality) / sigma) for bound in (0.0, self.quality_max))
+        return quality + sigma * ndtri(low + unit(chance) * (high - low))
 
     def _levels(self, quality: Float[Array, "..."]) -> Int[Array, "..."]:
         share = jnp.clip(quality / self.quality_max, 0.0, 1.0)

@@ -1,0 +1,90 @@
+"""What keeps a batch of worlds, made by `jax.vmap`, as fast as its worlds one by one.
+
+Reading and writing entries of a vector becomes, in a batch, that of a matrix, which XLA on a CPU
+does some twenty times as slowly.  `take`, `put` and `add` read and write a batch as the one long
+vector that it is in memory.  Indices are never negative; what is written beyond the end is dropped.
+
+A condition or a loop becomes, in a batch, all branches and a choice between all that they return.
+With `in_any_copy` it is asked once for the whole batch.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jax import Array
+from jax.custom_batching import custom_vmap
+from jaxtyping import Bool, Int, Shaped
+
+
+@custom_vmap
+def take(values: Shaped[Array, "entry"], index: Int[Array, "*at"]) -> Shaped[Array, "*at"]:
+    """The entries at these places, all of which there must be."""
+    return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
+@custom_vmap
+def put(
+    values: Shaped[Array, "entry"], index: Int[Array, "*at"], new: Shaped[Array, "*at"]
+) -> Shaped[Array, "entry"]:
+    """The vector with these entries replaced; of several for one place any may stay."""
+    return values.at[index].set(new, mode="drop", wrap_negative_indices=False)
+
+
+@custom_vmap
+def add(
+    values: Shaped[Array, "entry"], index: Int[Array, "*at"], amount: Shaped[Array, "*at"]
+) -> Shaped[Array, "entry"]:
+    """The vector with amounts added to these entries, of one place all of them."""
+    return values.at[index].add(amount, mode="drop", wrap_negative_indices=False)
+
+
+@take.def_vmap
+def _take_in_batch(
+    size: int, batched: list[bool], values: Array, index: Array
+) -> tuple[Array, bool]:
+    if not batched[0]:
+        return take(values, index), True
+    index = index if batched[1] else jnp.broadcast_to(index, (size, *index.shape))
+    return take(values.reshape(-1), index + _first(index, values)), True
+
+
+def _first(index: Array, values: Array) -> Array:
+    """Where each vector of a batch begins, in the shape of an index."""
+    size, length = values.shape
+    return (jnp.arange(size) * length).reshape(size, *[1] * (index.ndim - 1))
+
+
+def _in_batch(write: Any) -> Any:
+    def rule(
+        size: int, batched: list[bool], values: Array, index: Array, new: Array
+    ) -> tuple[Array, bool]:
+        values, index, new = (
+            each if there else jnp.broadcast_to(each, (size, *each.shape))
+            for each, there in zip((values, index, new), batched, strict=True)
+        )
+        inside = index < values.shape[1]
+        index = jnp.where(inside, index + _first(index, values), values.size)
+        return write(values.reshape(-1), index, new).reshape(values.shape), True
+
+    return rule
+
+
+put.def_vmap(_in_batch(put))
+add.def_vmap(_in_batch(add))
+
+
+@custom_vmap
+def in_any_copy(flag: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Whether a flag is up in any copy of a batch: one answer for all, however deep the `vmap`.
+
+    What is done because of it is done in all copies, and must do nothing where it need not.
+    """
+    return flag
+
+
+@in_any_copy.def_vmap
+def _in_a_batch(
+    size: int, batched: list[bool], flag: Bool[Array, "copy"]
+) -> tuple[Bool[Array, ""], bool]:
+    del size, batched
+    return in_any_copy(flag.any()), False
