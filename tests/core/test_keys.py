@@ -2,9 +2,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import chisquare
+from scipy.stats import chisquare, kstest
 
-from ethogram.core.keys import counter_bits, fold_in, trial_keys
+from ethogram.core.keys import (
+    branch,
+    counter_bits,
+    fold_in,
+    gaussian,
+    scaled,
+    trial_keys,
+    unit,
+)
+from ethogram.core.keys import words as words_of
 
 
 def data(keys):
@@ -53,3 +62,29 @@ def test_halves_of_a_word_and_neighbouring_words_are_independent(words):
     high, low = words >> 26, words & 63
     for counts in (joint(high, low), joint(high[:, :-1], high[:, 1:]), joint(low[:-1], low[1:])):
         assert chisquare(counts).pvalue > 1e-4
+
+
+def test_scaled_words_are_those_of_long_arithmetic():
+    bits = np.random.default_rng(0).integers(0, 2**32, 1000, dtype=np.uint32)
+    bits[:3] = 0, 2**32 - 1, 2**31
+    for bound in (1, 7, 20_000, 2**31 - 1):
+        exactly = (bits.astype(np.uint64) * np.uint64(bound)) >> np.uint64(32)
+        np.testing.assert_array_equal(scaled(jnp.asarray(bits), bound), exactly)
+
+
+def test_words_make_uniform_and_normal_numbers():
+    found = words_of(jax.random.key(3), 100, 200)
+    assert kstest(np.asarray(unit(found)).ravel(), "uniform").pvalue > 0.001
+    assert kstest(np.asarray(gaussian(found)).ravel(), "norm").pvalue > 0.001
+    ends = jnp.array([0, 2**32 - 1], jnp.uint32)
+    assert np.isfinite(gaussian(ends)).all()
+    assert 0 < unit(ends)[0] < 2e-10
+
+
+def test_branches_share_no_word_with_each_other_or_with_their_key():
+    key = jax.random.key(4)
+    first, second = branch(key, 0), branch(key, 1)
+    seen = [np.asarray(words_of(each, 500)) for each in (key, first, second, branch(first, 0))]
+    assert len(np.unique(seen)) >= 2000 - 2  # of 2^32 words, two are alike by chance now and then
+    many = jax.vmap(lambda number: branch(key, number))(jnp.arange(3))
+    np.testing.assert_array_equal(jax.random.key_data(many)[1], jax.random.key_data(second))

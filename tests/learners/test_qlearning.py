@@ -3,6 +3,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tests.learners.toys import Choir
 from tests.oracles import sharing as oracle
 
 from ethogram.core.errors import EthogramError, TooLarge
@@ -152,3 +153,43 @@ def test_tables_that_do_not_fit_are_refused_with_the_size_they_need():
 def test_spaces_that_are_not_discrete_are_refused_by_name():
     with pytest.raises(EthogramError, match=r"discrete spaces; 'agent' of Sharing has MultiD"):
         QLearning(Sharing(encoding="vector")).init()
+
+
+def test_a_shared_table_moves_as_by_one_update_after_the_other():
+    """Singers on one step that sing one note: towards the mean of what they earn, n times."""
+    world, rate = Choir(), 0.1
+    learner = QLearning(world, Constant(1.0), rate=rate, trials=40, shared=True)
+    keys = trial_keys(0, "choir", 40)
+    learned = train(learner, keys, learner.init(), 1, chunk=1, after_chunk=ignore)
+    table = np.asarray(learned.table["singer"]).reshape(40, 2, 2)
+    pay = np.asarray(world.pay)
+    seen = set()
+    for trial in table:
+        assert sorted(trial[1].tolist()) == pytest.approx([0.0, rate * pay[3]])
+        subsets = [
+            [singer for singer in range(3) if note >> singer & 1] for note in range(8)
+        ]  # of the three on the first step, who may have sung note 0
+        made = [
+            [
+                (1 - (1 - rate) ** len(who)) * (pay[who].mean() if who else 0.0)
+                for who in (low, [singer for singer in range(3) if singer not in low])
+            ]
+            for low in subsets
+        ]
+        (which,) = [n for n, row in enumerate(made) if np.allclose(row, trial[0], atol=1e-6)]
+        seen.add(which)
+    assert len(seen) > 4
+
+
+def test_agents_that_share_a_table_act_by_the_same_row():
+    world = Choir()
+    learner = QLearning(world, trials=2, shared=True)
+    learned = learner.init()
+    learned = eqx.tree_at(
+        lambda each: each.table["singer"], learned, jnp.array([[0, 1], [1, 0], [1, 0], [0, 1.0]])
+    )
+    _, seen = world.reset(jax.random.key(0))
+    for trial, expected in ((0, [1, 1, 1, 0]), (1, [0, 0, 0, 1])):
+        action = learner.policy(learned, trial)(jax.random.key(1), seen)
+        assert action["singer"].tolist() == expected
+    assert "1 singer tables of 2 x 2" in learner.size

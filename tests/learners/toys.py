@@ -111,6 +111,42 @@ class Duet(World):
         )
 
 
+class Choir(World):
+    """Singers on two steps sing one of two notes; each earns what is hers, whatever the note.
+
+    One step, and it is over for good.
+    """
+
+    stand: tuple[int, ...] = eqx.field(static=True, default=(0, 0, 0, 1))
+    pay: Float[Array, "singer"] = eqx.field(default=(1.0, 2.0, 6.0, 8.0), converter=jnp.asarray)
+
+    @property
+    def horizon(self):
+        return 1
+
+    @property
+    def roles(self):
+        return {"singer": Role(len(self.stand), Discrete(2), Discrete(2))}
+
+    def reset(self, key):
+        del key  # they always stand alike
+        return jnp.int32(0), self.observe(jnp.int32(0))
+
+    def observe(self, state):
+        del state
+        return {"singer": jnp.array(self.stand)}
+
+    def step(self, key, state, action):
+        del key, action
+        nobody = jnp.zeros(len(self.stand), bool)
+        return state, Outcome(
+            observation=self.observe(state),
+            reward={"singer": self.pay},
+            terminated={"singer": ~nobody},
+            truncated={"singer": nobody},
+        )
+
+
 class Recital(World):
     """A singer earns `pay` whenever the pianist plays the chord (2, 1).  One step.
 
