@@ -8,6 +8,7 @@ import json
 import math
 import os
 import sys
+import webbrowser
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -24,13 +25,15 @@ from ethogram.campaign.threads import limit_threads
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from ethogram.campaign.engines import Engine
     from ethogram.campaign.launch import Prospect, Summary
     from ethogram.campaign.plan import Plan
     from ethogram.campaign.results import Collected
-    from ethogram.campaign.study import Study
+    from ethogram.campaign.study import Records, Study
     from ethogram.core.findings import Claim
-    from ethogram.report import StudyPage
+    from ethogram.report import Replay, StudyPage
 
 DONE, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130  # exit codes
 
@@ -68,6 +71,11 @@ Changes = Annotated[
 ]
 Retry = Annotated[bool, Parameter(negative=(), help="Try cases again that failed before.")]
 DryRun = Annotated[bool, Parameter(negative=(), help="List the cases, with time and memory.")]
+CaseName = Annotated[str, Parameter(help="Name of the case; `ethogram run --dry-run` shows them.")]
+ReplayOut = Annotated[
+    Path | None, Parameter(name="--out", help="File to write; by default one in the report.")
+]
+Show = Annotated[bool, Parameter(name="--show", negative="--no-show", help="Open it in a browser.")]
 AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON, not text.")]
 
 
@@ -145,6 +153,29 @@ def report(folder: Folder, /) -> int:
     index = write(folder, [_page(study, collected) for study, collected in found])
     print(index)
     return FAILED if any(collected.damages for _, collected in found) else DONE
+
+
+@app.command
+def replay(
+    folder: Folder, study: Name, case: CaseName, /, *, out: ReplayOut = None, show: Show = True
+) -> None:
+    """Show the recorded scene of a case, as a page that needs no network."""
+    from ethogram.report import write_replay
+    from ethogram.report.site import slug
+
+    names = {found.NAME: collected for found, collected in _collected(folder)}
+    if study not in names:
+        raise UnknownName("study with results here", study, names)
+    records = names[study].records
+    if case not in records:
+        raise UnknownName("case that was run", case, records)
+    if "scene" not in records[case]:
+        raise EthogramError(f"The case {case!r} of {study!r} has no scene.")
+    file = out or folder / "report" / f"{slug(study)}-{slug(case)}.html"
+    write_replay(file, study, _replay(case, records[case]["scene"]))
+    print(file)
+    if show:
+        webbrowser.open(file.resolve().as_uri())
 
 
 @app.command
@@ -315,7 +346,25 @@ def _page(study: "Study", collected: "Collected") -> "StudyPage":
         claims=study.claims(records),
         tables=study.tables(records),
         figures=study.figures(records),
+        replays=_replays(records),
     )
+
+
+def _replays(records: "Records") -> "list[Replay]":
+    """The scenes that there are, by the names of their cases."""
+    return [_replay(name, groups["scene"]) for name, groups in records.items() if "scene" in groups]
+
+
+def _replay(name: str, stored: "xr.Dataset") -> "Replay":
+    """A scene, or why what is stored is none: the rest of a report does without."""
+    from ethogram.core.scene import Scene
+    from ethogram.report import Replay
+
+    try:
+        return Replay(name=name, scene=Scene.from_dataset(stored))
+    except (EthogramError, KeyError, TypeError, ValueError) as error:
+        reason = str(error) or type(error).__name__
+        return Replay(name=name, scene=None, trouble=f"what is stored is no scene ({reason})")
 
 
 def _claim_lines(claim: "Claim") -> str:

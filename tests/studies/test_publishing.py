@@ -317,3 +317,11 @@ def test_shares_growth_and_shapes_are_what_they_say():
     np.testing.assert_allclose(results.skewness(data)[0], scipy.stats.skew(sample))
     data["quality"][:] = data["papers"] * 9.0
     np.testing.assert_allclose(results.off_centre(data), 0.1)
+
+
+def test_records_are_small_and_exact():
+    assert compute.compact(np.array([0.0, 3.0])).dtype == np.int16
+    assert compute.compact(np.array([-40_000.0])).dtype == np.int32
+    assert compute.compact(np.array([1.0, np.nan])).dtype == np.float32
+    assert compute.compact(np.array([0.5])).tolist() == [0.5]
+    assert compute.compact(np.array([2.0**31])).tolist() == [2.0**31]

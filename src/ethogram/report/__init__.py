@@ -5,6 +5,7 @@ its tables and figures.  Nothing here computes or reads records: the caller brin
 """
 
 from ethogram.report.page import StudyPage
-from ethogram.report.site import write
+from ethogram.report.replay import Replay
+from ethogram.report.site import write, write_replay
 
-__all__ = ["StudyPage", "write"]
+__all__ = ["Replay", "StudyPage", "write", "write_replay"]

@@ -35,6 +35,16 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
         raise EthogramError(f"Cannot write the report to {str(folder)!r}: {reason}.") from error
 
 
+def publish_one(file: Path, text: str) -> None:
+    """Put a page of its own in place, whole; one that is not ours is left alone."""
+    try:
+        _refuse_to_replace_foreign(file.parent, [file.name])
+        _write(file, text.encode(errors="replace"))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise EthogramError(f"Cannot write {str(file)!r}: {reason}.") from error
+
+
 def _listed(folder: Path) -> dict[str, str]:
     """What the last report wrote; a damaged listing says nothing."""
     try:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from ethogram.core.findings import Claim, Figure, Table, Verdict
+from ethogram.report.replay import Replay
 
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
@@ -32,6 +33,7 @@ class StudyPage:
     claims: Sequence[Claim] = ()
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
+    replays: Sequence[Replay] = ()
 
     def tally(self) -> dict[Verdict, int]:
         """How many claims got each verdict, zeros included."""

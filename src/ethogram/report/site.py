@@ -1,10 +1,12 @@
 """From study pages to the files of a report."""
 
+import base64
 import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cache
+from importlib import resources
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -12,10 +14,12 @@ from markupsafe import Markup
 
 from ethogram.core.errors import EthogramError
 from ethogram.report import drawings, tables, wording
-from ethogram.report.files import MARK, publish
+from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
+from ethogram.report.replay import Replay, packed
 
 INDEX = "index.html"
+MOST_REPLAYS = 10  # of a page; all others are a command away
 PAGES = "report"  # apart from the store's folders, which may stand beside it
 
 
@@ -43,9 +47,46 @@ def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
         picture = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
         yield f"{data}/{slug(figure.name)}.svg", picture
-    for template in ("study.md", "study.html"):
-        ending = template.removeprefix("study")
-        yield f"{data}{ending}", _render(template, page=page, data=slug(page.name), root="../")
+    shared = {"page": page, "data": slug(page.name), "root": "../"}
+    yield f"{data}.md", _render("study.md", **shared)
+    yield f"{data}.html", _render("study.html", **shared, **_player(page.replays))
+
+
+def write_replay(file: Path, study: str, replay: Replay) -> None:
+    """Write a page of one replay, which can be sent to others as it is.
+
+    Raises:
+        EthogramError: the scene has three dimensions, or the file cannot be written or is there and
+            is no page of ours.
+
+    """
+    if not replay.flat:
+        raise EthogramError(
+            f"{replay.name!r} has a scene in three dimensions, which cannot be shown."
+        )
+    title = replay.name if replay.scene is None else replay.scene.title
+    shown = _player([replay])
+    page = _render("replay.html", study=study, title=title, root="../", **shown)
+    publish_one(file, page)
+
+
+def _player(replays: Sequence[Replay]) -> dict[str, object]:
+    """Scenes and what shows them; a page without scenes has no script at all."""
+    flat = [replay for replay in replays if replay.flat]
+    shown = flat[:MOST_REPLAYS]
+    script = _script() if shown else ""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return {
+        "replays": Markup(packed(shown)) if shown else "",  # safe in a script element
+        "left_out": len(flat) - len(shown),
+        "player": Markup(script),
+        "player_hash": f"sha256-{digest}",
+    }
+
+
+@cache
+def _script() -> str:
+    return resources.files("ethogram.report").joinpath("templates/replay.js").read_text()
 
 
 def slug(name: str) -> str:

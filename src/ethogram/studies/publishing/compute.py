@@ -248,15 +248,15 @@ def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.D
 
     found: dict[str, Any] = {
         "author_quality": (("trial", "author"), played.author_quality.astype(np.float32)),
-        "papers": (("trial", "year", "journal"), along("papers").astype(np.int32)),
+        "papers": (("trial", "year", "journal"), compact(along("papers"))),
         "quality": (("trial", "year", "journal"), along("quality").astype(np.float32)),
-        "histogram": (("trial", "year", "bin"), along("histogram").astype(np.int32)),
+        "histogram": (("trial", "year", "bin"), compact(along("histogram"))),
         "stuck": (("trial", "year"), along("stuck").astype(np.float32)),
     }
     for name, start in first.indicators.items():
         values = np.concatenate([start[:, None], years.indicators[name]], 1)
         axes = ("trial", "year", INDICATORS.get(name).of)
-        found[f"indicator.{name}"] = (axes, values.astype(np.float32))
+        found[f"indicator.{name}"] = (axes, compact(values))
     if curve is not None:
         found["training_return"] = (("trial", "episode"), curve.T.astype(np.float32))
     edges = np.linspace(0, float(world.quality_max), QUALITY_BINS + 1)
@@ -277,3 +277,11 @@ def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.D
             "episodes": settings.episodes if curve is not None else 0,
         },
     )
+
+
+def compact(values: np.ndarray) -> np.ndarray:
+    """Numbers for a record: whole ones in the smallest type that holds them, others in 32 bits."""
+    if not (np.isfinite(values).all() and (values == np.round(values)).all()):
+        return values.astype(np.float32)
+    most = np.abs(values).max(initial=0)
+    return values.astype(np.int16 if most < 2**15 else np.int32 if most < 2**31 else np.float32)

@@ -15,7 +15,7 @@ from ethogram.core.scene import Scene, Shape
 from ethogram.core.world import Outcome
 from ethogram.worlds.publishing.world import State
 
-SHOWN = 40  # authors at most, evenly chosen by quality
+SHOWN = 30  # authors at most, evenly chosen by quality
 FRAME_SECONDS = 0.25
 AUTHOR, DRAFT, JOURNAL = 0.3, 0.2, 0.9  # radius, radius, half an edge of the largest
 HEIGHT = 8.0  # of the journals above the authors

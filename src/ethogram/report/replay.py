@@ -1,0 +1,95 @@
+"""Recorded scenes packed for the player: numbers as 16-bit steps, compressed, inside the page.
+
+The player (`templates/replay.js`) draws what it is given and knows no world.  Positions and sizes
+are rounded to one of 65 535 steps between the smallest and the largest; every number but those of
+the first frame is stored as its difference from the frame before, which compresses well.
+"""
+
+import base64
+import gzip
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ethogram.core.scene import Scene
+
+STEPS = 65_534  # between the smallest and the largest number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """A scene that a page shows, and what it is called there."""
+
+    name: str  # the case's
+    scene: Scene | None  # None where what is stored is no scene
+    trouble: str = ""  # then: why
+
+    @property
+    def flat(self) -> bool:
+        """Whether the scene is in the plane, which the player can draw; a damaged one may be."""
+        return self.scene is None or self.scene.position.shape[2] == 2
+
+
+def packed(replays: Sequence[Replay]) -> str:
+    """All replays of a page as JSON that can stand inside a page's script element."""
+    text = json.dumps([_scene(each) for each in replays], allow_nan=False)
+    # no text can end the element or begin a comment in it
+    for mark in "<>&":
+        text = text.replace(mark, f"\\u{ord(mark):04x}")
+    return text
+
+
+def _scene(replay: Replay) -> dict[str, Any]:
+    scene = replay.scene
+    if scene is None:
+        return {"name": replay.name, "trouble": replay.trouble}
+    frames = len(scene.tint)
+    series = np.concatenate(
+        [np.zeros((frames, 0)), *(lines for lines in scene.series.values())], axis=1
+    )
+    arrays = {
+        "position": _rounded(scene.position),
+        "tint": _whole(scene.tint),
+        "said": None if scene.said is None else _whole(scene.said),
+        "scale": None if scene.scale is None else _rounded(scene.scale),
+        "series": _rounded(series),
+    }
+    return {
+        "name": replay.name,
+        "title": scene.title,
+        "bounds": list(map(float, scene.bounds)),
+        "seconds": scene.frame_seconds,
+        "frames": frames,
+        "shapes": [[shape.kind, float(shape.size), shape.label] for shape in scene.shapes],
+        "links": [list(link) for link in scene.links],
+        "palette": list(scene.palette),
+        "words": list(scene.words),
+        "captions": list(scene.captions),
+        "lines": [[name, lines.shape[1]] for name, lines in scene.series.items()],
+        "arrays": {name: array for name, array in arrays.items() if array is not None},
+    }
+
+
+def _rounded(values: np.ndarray) -> dict[str, Any]:
+    """Numbers as steps; where they are not finite, the smallest."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    step = (high - low) / STEPS or 1.0
+    steps = np.round((np.nan_to_num(values, nan=low, posinf=high, neginf=low) - low) / step)
+    return {"low": low, "step": step, "data": _compressed(steps - STEPS // 2)}
+
+
+def _whole(values: np.ndarray) -> dict[str, Any]:
+    """Whole numbers as they are."""
+    return {"low": float(-(STEPS // 2)), "step": 1.0, "data": _compressed(values)}
+
+
+def _compressed(numbers: np.ndarray) -> str:
+    """Differences from frame to frame, in 16 bits that wrap around, as base64 of gzip."""
+    short = numbers.astype(np.int16)
+    steps = np.diff(short, axis=0, prepend=np.zeros_like(short[:1]))
+    content = gzip.compress(steps.astype("<i2").tobytes(), compresslevel=9, mtime=0)
+    return base64.b64encode(content).decode()

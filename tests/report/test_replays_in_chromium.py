@@ -1,0 +1,269 @@
+"""The player as a viewer uses it, in a real browser, with scenes made here and with stored ones."""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Locator, Page
+
+from ethogram import cli
+from ethogram.core.errors import EthogramError
+from ethogram.core.scene import Scene, Shape
+from ethogram.report import Replay, StudyPage, write, write_replay
+from ethogram.report.replay import packed
+
+RECORDS = Path(__file__).parents[2] / "docs" / "results" / "records"
+WORLDS = ("sharing", "language", "publishing")
+HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=alert(1)>\u202e\u05e9"
+BLUE, RED = (0, 114, 178), (213, 94, 0)
+FRAMES, WIDTH, HEIGHT = 41, 16.0, 9.0
+
+
+def crossing(**changes) -> Scene:
+    """A disc that goes from left to right in a field of 16 to 9, and turns red half way."""
+    x = np.linspace(1, WIDTH - 1, FRAMES)
+    settings = {
+        "title": "crossing",
+        "bounds": (0.0, 0.0, WIDTH, HEIGHT),
+        "frame_seconds": 0.05,
+        "palette": ("going", "gone"),
+        "shapes": (Shape("circle", 0.8),),
+        "position": np.stack([x, np.full(FRAMES, 6.0)], 1)[:, None],
+        "tint": (np.arange(FRAMES) >= FRAMES // 2).astype(int)[:, None],
+        "captions": tuple(f"frame {frame}" for frame in range(FRAMES)),
+        "series": {"way": x[:, None]},
+    }
+    return Scene(**(settings | changes))
+
+
+def opened(tmp_path: Path, open_tab: Callable[..., Page], scene: Scene | None, **screen) -> Page:
+    file = tmp_path / "replay.html"
+    write_replay(file, "toy", Replay(name="case", scene=scene, trouble="it is cut short"))
+    page = open_tab(**screen)
+    page.goto(file.as_uri())
+    page.locator("#replay").wait_for()
+    if scene is not None:
+        until(page, lambda: frames(page) > 0)
+    return page
+
+
+def pixels(shown: Locator) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(shown.screenshot())).convert("RGB")).astype(int)
+
+
+def centre(picture: np.ndarray, colour: tuple[int, int, int]) -> tuple[float, float] | None:
+    """Where a colour is, in shares of the picture's width and height."""
+    where = np.argwhere(np.abs(picture - colour).max(2) < 12)
+    if len(where) < 50:
+        return None
+    y, x = where.mean(0)
+    return x / picture.shape[1], y / picture.shape[0]
+
+
+def at(page: Page) -> int:
+    """The frame that is shown."""
+    return int(page.locator("#replay").get_attribute("data-frame") or 0)
+
+
+def frames(page: Page) -> int:
+    """How many there are, once the scene is read."""
+    return int(page.locator("#replay").get_attribute("data-frames") or 0)
+
+
+def until(page: Page, met: Callable[[], bool]) -> None:
+    """Wait; the page's policy forbids the browser to do it by evaluating text."""
+    for _ in range(400):
+        if met():
+            return
+        page.wait_for_timeout(20)
+    pytest.fail("it did not happen within eight seconds")
+
+
+@pytest.mark.parametrize(("frame", "colour"), [(0, BLUE), (13, BLUE), (30, RED), (40, RED)])
+def test_scrubbing_shows_what_the_scene_has_in_that_frame(
+    tmp_path: Path, open_tab: Callable[..., Page], frame: int, colour: tuple[int, int, int]
+) -> None:
+    scene = crossing()
+    page = opened(tmp_path, open_tab, scene)
+    page.locator("[data-part=frame]").fill(str(frame))
+    assert at(page) == frame
+    assert page.locator("[data-part=caption]").inner_text().startswith(f"frame {frame} ")
+    found = centre(pixels(page.locator("[data-part=canvas]")), colour)
+    assert found is not None
+    x, y = scene.position[frame, 0]
+    np.testing.assert_allclose(found, (x / WIDTH, 1 - y / HEIGHT), atol=0.01)
+
+
+def test_it_moves_while_it_plays_and_stands_when_it_is_stopped(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crossing())
+    canvas, play = page.locator("[data-part=canvas]"), page.locator("[data-part=play]")
+    before = pixels(canvas)
+    play.click()
+    until(page, lambda: at(page) > 3)
+    play.click()
+    stopped, frame = pixels(canvas), at(page)
+    assert (before != stopped).any()
+    page.wait_for_timeout(200)
+    assert at(page) == frame
+    assert (pixels(canvas) == stopped).all()
+    assert play.inner_text() == "Play"
+
+
+def test_it_stops_at_the_end_and_begins_again_if_asked_to(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crossing())
+    page.locator("[data-part=speed]").select_option(index=5)
+    page.locator("[data-part=play]").click()
+    until(page, lambda: at(page) == 40)
+    until(page, lambda: page.locator("[data-part=play]").inner_text() == "Play")
+    page.locator("[data-part=loop]").check()
+    page.locator("[data-part=play]").click()
+    until(page, lambda: at(page) > 20)
+    until(page, lambda: at(page) < 20)
+    assert page.locator("[data-part=play]").inner_text() == "Pause"
+
+
+def test_keys_step_jump_and_play(tmp_path: Path, open_tab: Callable[..., Page]) -> None:
+    page = opened(tmp_path, open_tab, crossing())
+    page.locator("[data-part=frame]").focus()
+    for key, frame in (
+        ("ArrowRight", 1),
+        ("PageDown", 11),
+        ("ArrowLeft", 10),
+        ("PageUp", 0),
+        ("ArrowLeft", 0),
+        ("End", 40),
+        ("ArrowRight", 40),
+        ("Home", 0),
+    ):
+        page.keyboard.press(key)
+        assert at(page) == frame, key
+    page.keyboard.press(" ")
+    until(page, lambda: at(page) > 2)
+    page.keyboard.press("k")
+    assert page.locator("[data-part=play]").inner_text() == "Play"
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_stored_scenes_of_each_world_are_drawn_and_move(
+    tmp_path: Path, open_tab: Callable[..., Page], world: str, scheme: str
+) -> None:
+    width = 1280 if scheme == "light" else 390
+    page = open_tab(width=width, color_scheme=scheme)
+    asked: list[str] = []
+    complaints: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    manifests = sorted((RECORDS / world / "manifests").iterdir())
+    stored = [json.loads(manifest.read_text())["content"] for manifest in manifests]
+    case = next(each["case"]["name"] for each in stored if "scene" in each["layout"])
+    file = tmp_path / "replay.html"
+    done = cli.main(["replay", str(RECORDS), world, case, f"--out={file}", "--no-show"])
+    assert done == cli.DONE
+    page.goto(file.as_uri())
+    until(page, lambda: frames(page) > 5)
+    canvas = page.locator("[data-part=canvas]")
+    first = pixels(canvas)
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 5
+    page.locator("[data-part=play]").click()
+    until(page, lambda: at(page) > 1)
+    page.locator("[data-part=play]").click()
+    assert (pixels(canvas) != first).any()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert asked == [file.as_uri()]
+    assert complaints == []
+    assert file.stat().st_size < 600_000
+
+
+def test_a_page_has_ten_replays_of_many_and_says_so(
+    tmp_path: Path, open_tab: Callable[..., Page], bare: StudyPage
+) -> None:
+    replays = [Replay(name=f"case {number}", scene=crossing()) for number in range(12)]
+    solid = crossing(position=np.zeros((FRAMES, 1, 3)))
+    study = replace(bare, replays=[*replays, Replay(name="solid", scene=solid)])
+    folder = write(tmp_path, [study]).parent
+    page = open_tab()
+    page.goto((folder / "report" / "bare.html").as_uri())
+    choice = page.locator("[data-part=scene]")
+    assert choice.locator("option").all_inner_texts() == [f"case {n}" for n in range(10)]
+    assert "2 more" in page.locator("#section-replays + p").inner_text()
+    page.locator("[data-part=frame]").fill("7")
+    choice.select_option("case 3")
+    until(page, lambda: at(page) == 0)
+
+
+def test_text_of_a_scene_is_shown_and_never_run(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    scene = crossing(
+        title=HOSTILE,
+        palette=(HOSTILE, HOSTILE),
+        captions=(HOSTILE,) * FRAMES,
+        shapes=(Shape("circle", 0.8, HOSTILE),),
+        words=(HOSTILE,),
+        said=np.zeros((FRAMES, 1), int),
+        series={HOSTILE: np.zeros((FRAMES, 1))},
+    )
+    page = opened(tmp_path, open_tab, scene)
+    assert page.locator("h1").inner_text() == HOSTILE
+    assert HOSTILE in page.locator("[data-part=caption]").inner_text()
+    assert page.locator("[data-part=legend] li").first.inner_text() == HOSTILE
+    assert page.locator("img").count() == 0
+    assert page.title() != "run"
+    # nor can a script that somebody put in later
+    ran = page.evaluate(
+        "() => { const s = document.createElement('script'); s.textContent = 'window.ran = 1';"
+        "document.body.append(s); return window.ran === 1 }"
+    )
+    assert not ran
+
+
+def test_a_damaged_scene_shows_a_message_not_a_blank(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, None)
+    error = page.locator("[data-part=error]")
+    error.wait_for()
+    assert error.inner_text() == "This replay cannot be shown: it is cut short."
+    text = (tmp_path / "replay.html").read_text()
+    assert '"trouble"' in text
+    whole = opened(tmp_path, open_tab, crossing())
+    text = (tmp_path / "replay.html").read_text()
+    data = json.loads(packed([Replay(name="case", scene=crossing())]))[0]["arrays"]["tint"]["data"]
+    short = packed([Replay(name="case", scene=crossing(tint=np.zeros((FRAMES, 1), int)))])
+    other = json.loads(short)[0]["arrays"]["tint"]["data"]
+    assert data in text
+    (tmp_path / "replay.html").write_text(text.replace(f'"frames": {FRAMES}', '"frames": 40'))
+    assert other != data
+    whole.reload()
+    whole.locator("[data-part=error]").wait_for()
+    assert "its numbers are cut short" in whole.locator("[data-part=error]").inner_text()
+
+
+def test_what_cannot_be_replayed_is_refused_with_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    solid = crossing(position=np.zeros((FRAMES, 1, 3)))
+    with pytest.raises(EthogramError, match="three dimensions"):
+        write_replay(tmp_path / "r.html", "toy", Replay(name="solid", scene=solid))
+    foreign = tmp_path / "mine.html"
+    foreign.write_text("my own page")
+    with pytest.raises(EthogramError, match="no page of Ethogram's"):
+        write_replay(foreign, "toy", Replay(name="case", scene=crossing()))
+    for words, said in (
+        (["sharing", "nobody"], "nobody"),
+        (["rules", "x"], "rules"),
+    ):
+        command = ["replay", str(RECORDS), *words, "--no-show"]
+        assert cli.main(command) == cli.WRONG
+        assert said in capsys.readouterr().err
