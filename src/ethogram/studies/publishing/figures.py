@@ -143,7 +143,8 @@ def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
     there = np.isfinite(seen.x) & np.isfinite(seen.y)
     x, y = seen.x[there], seen.y[there]
     if seen.width:
-        panel.fill_between(x, y, step="mid", color=_BLUE.colour, alpha=0.5, lw=0)
+        edges = np.append(x - seen.width / 2, x[-1:] + seen.width / 2)
+        panel.stairs(y, edges, fill=True, color=_BLUE.colour, alpha=0.5, lw=0)
     else:  # paths of dots, each a line without length: a marker each would be ten times as long
         gaps = np.full(len(x), np.nan)
         dots = np.stack([np.stack([one, one, gaps], 1) for one in (x, y)])
