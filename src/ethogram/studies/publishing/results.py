@@ -21,7 +21,8 @@ from ethogram.studies.statistics import Trials
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 Kind = Literal["pearson", "spearman"]
 
-LAST_YEARS = 5  # over which papers are looked at in the end: a year of few has too few
+LAST_YEARS = slice(-5, None)  # whose papers are looked at in the end: one year may have too few
+ALL_YEARS = slice(None)  # with the initial papers
 FEW = 4  # a fourth of the journals are few
 LEAST = 3  # numbers that a correlation needs
 
@@ -125,17 +126,17 @@ def growth(data: xr.Dataset) -> np.ndarray:
     return papers[:, -1] / np.maximum(papers[:, 0], 1) - 1
 
 
-def off_centre(data: xr.Dataset) -> np.ndarray:
-    """Mean quality of the papers of the last years less the middle of the range, over the range."""
+def off_centre(data: xr.Dataset, years: slice = LAST_YEARS) -> np.ndarray:
+    """Mean quality of the papers of some years less the middle of the range, over the range."""
     whole = float(data.attrs["quality_max"])
-    papers = data["papers"].values[:, -LAST_YEARS:].sum((1, 2))
-    total = data["quality"].values[:, -LAST_YEARS:].sum((1, 2))
+    papers = data["papers"].values[:, years].sum((1, 2))
+    total = data["quality"].values[:, years].astype(float).sum((1, 2))
     return np.where(papers > 0, total / np.maximum(papers, 1) / whole - 0.5, np.nan)
 
 
-def skewness(data: xr.Dataset) -> np.ndarray:
-    """Skewness of the qualities of the papers of the last years, from their recorded counts."""
-    counts = data["histogram"].values[:, -LAST_YEARS:].sum(1).astype(float)
+def skewness(data: xr.Dataset, years: slice = LAST_YEARS) -> np.ndarray:
+    """Skewness of the qualities of the papers of some years, from their recorded counts."""
+    counts = data["histogram"].values[:, years].sum(1).astype(float)
     at = data["bin"].values
     total = np.maximum(counts.sum(1), 1)
     mean = counts @ at / total
