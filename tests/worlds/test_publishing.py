@@ -6,6 +6,7 @@ import pytest
 import scipy.stats
 
 from ethogram.core.errors import InvalidSettings, TooLarge
+from ethogram.core.keys import branch
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
 from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
@@ -243,6 +244,27 @@ def test_three_authors_and_two_journals_worked_by_hand():
     assert outcome.truncated["author"].all()
 
 
+@pytest.mark.parametrize("editor", ["mild_scrutiny", "accept_everything"])
+def test_runs_side_by_side_are_the_runs_one_by_one(editor):
+    world = Publishing(authors=12, journals=10, initial_papers=30, years=1, steps_per_year=6)
+    policy = static(world, "minded", editor)
+
+    def run(key):
+        def step(at, key):
+            state, seen = at
+            state, outcome = world.step(branch(key, 1), state, policy(branch(key, 0), seen))
+            return (state, outcome.observation), outcome.reward
+
+        start, keys = jax.random.split(key)
+        return jax.lax.scan(step, world.reset(start), jax.random.split(keys, world.horizon))
+
+    keys = jax.random.split(jax.random.key(5), 3)
+    together = jax.jit(jax.vmap(run))(keys)
+    apart = jax.jit(lambda keys: jax.lax.map(run, keys))(keys)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), together, apart)
+    assert len(set(together[0][0].literature.published.tolist())) > 1 or editor != "mild_scrutiny"
+
+
 # References
 
 
@@ -402,12 +424,15 @@ def test_minded_authors_match_quality_to_rank():
     assert minded(14.9, 3, impact, max_rejections=2, **three) == {0}
 
 
-def test_what_does_not_fit_is_refused():
+def test_what_does_not_fit_is_refused(monkeypatch):
     with pytest.raises(InvalidSettings, match=r"bins = 10; .* there are journals, 6"):
         minded(1.0, 0, jnp.zeros(6))
     with pytest.raises(InvalidSettings, match="author = 'rnadom'; allowed: random, minded"):
         static(SMALL, "rnadom", "mild_scrutiny")
     with pytest.raises(TooLarge, match="could publish"):
         reset(Publishing(authors=100_000, years=10_000), jax.random.key(0))
+    monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: 10**7)
+    with pytest.raises(TooLarge, match=r"5000 authors, 20 journals .* needs .* 10 MB are free"):
+        reset(Publishing(authors=5000), jax.random.key(0))
     with pytest.raises(InvalidSettings, match="greatest"):
         Publishing(greatest=1.0)

@@ -38,8 +38,6 @@ from ethogram.worlds.publishing.world import TOP, State
 AUTHOR_STEPS_PER_SECOND = 8e5  # one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 15.0
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
-PAPER_BYTES = 4 * 8  # of a paper's fields, with what is made of them
-JOURNAL_BYTES = 4 * 2 * (TOP + 1)  # of its qualities
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 CHUNK_AUTHOR_STEPS = 10_000_000  # of training, between two checkpoints: some seconds
 QUALITY_BINS = 30  # of the recorded distributions
@@ -73,15 +71,11 @@ def cost(case: Case) -> Cost:
     turns = world.authors if settings.world.update == "sequential" else 1
     agents = world.authors + 6 * world.journals + QUALITY_BINS
     recorded = settings.trials * (world.years + 1) * agents
-    state = (
-        PAPER_BYTES * (world.capacity + world.authors)
-        + JOURNAL_BYTES * world.journals
-        + 4 * world.authors * (world.horizon + 2 * world.references + world.journals)
-    )
+    seen = 4 * world.authors * (world.references + world.journals)
     return Cost(
         seconds=COMPILE_SECONDS + turns * episodes * per_episode / AUTHOR_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
-        + 2 * state * (1 if learner is None else settings.trials)
+        + 2 * (world.state_bytes + seen) * (1 if learner is None else settings.trials)
         + (0 if learner is None else 3 * learner.table_bytes)
         + RECORDED_BYTES * recorded,
     )

@@ -32,7 +32,7 @@ from pydantic import Field
 from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.errors import TooLarge
 from ethogram.core.keys import branch, gaussian, unit, words
-from ethogram.core.memory import readable_count
+from ethogram.core.memory import readable_count, require_memory
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -147,6 +147,14 @@ class Publishing(World):
         return self.initial_papers + self.authors * self.horizon
 
     @property
+    def state_bytes(self) -> int:
+        """Memory that a state needs."""
+        papers = 6 * (self.capacity + self.authors)
+        blocks = 2 * (INITIAL_YEARS + self.horizon)
+        authors = self.authors * (self.horizon + 2 + self.references + 6)
+        return 4 * (papers + blocks + authors + self.journals * (LEVELS + 8))
+
+    @property
     def roles(self) -> dict[str, Role]:
         """Authors choose 0, to write anew, or a journal, from 1; editors the share to turn away.
 
@@ -166,7 +174,7 @@ class Publishing(World):
 
         Raises:
             TooLarge: more papers could be published than 32 bits can number, or a step's qualities
-                add up to.
+                add up to, or a state needs more memory than is free.
 
         """
         self._require_room()
@@ -525,3 +533,8 @@ class Publishing(World):
                 f"{readable_count(self.capacity)} papers; allowed: {readable_count(LARGEST_INDEX)} "
                 f"papers, and at most {LARGEST_INDEX // TOP} of them in a step or initially."
             )
+        require_memory(
+            f"A publishing system of {self.authors} authors, {self.journals} journals and up to "
+            f"{readable_count(self.capacity)} papers",
+            self.state_bytes,
+        )
