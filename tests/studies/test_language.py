@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 import xarray as xr
+from tests.studies.contexts import Remembering
 from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
@@ -21,20 +22,6 @@ from ethogram.worlds.language.policies import Informed, Optimal, Uninformed
 
 # one case of the smoke plan, small; in all tests the same shapes, hence one compiled program
 ONE = ["expressiveness=1", "talkers=learned", "learner.memory=200"]
-
-
-class Remembering(Context):
-    """A context that begins with a checkpoint, if given one, and keeps those that are made."""
-
-    def __init__(self, found=None):
-        super().__init__()
-        self.found, self.saved = found, []
-
-    def restore(self):
-        return self.found and dict(self.found)
-
-    def checkpoint(self, make):
-        self.saved.append({name: array.copy() for name, array in make().items()})
 
 
 def cases(plan, *changes):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import xarray as xr
+from tests.studies.contexts import Remembering
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings
@@ -25,20 +26,6 @@ from ethogram.worlds.publishing.scene import ACCEPTED, DRAFTED, REJECTED
 
 LEARNS = ["author=minded", "editor=learned"]
 STANDS = ["author=random", "editor=mild_scrutiny"]
-
-
-class Remembering(Context):
-    """A context that begins with a checkpoint, if given one, and keeps those that are made."""
-
-    def __init__(self, found=None):
-        super().__init__()
-        self.found, self.saved = found, []
-
-    def restore(self):
-        return self.found and dict(self.found)
-
-    def checkpoint(self, make):
-        self.saved.append({name: array.copy() for name, array in make().items()})
 
 
 def cases(plan, *changes):

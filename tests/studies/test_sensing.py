@@ -5,6 +5,7 @@ import hypothesis.strategies as st
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tests.studies.contexts import Remembering
 from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
@@ -19,20 +20,6 @@ from ethogram.worlds.softbody3d.locomotion import travel
 # one case of the smoke plan, small; in all tests the same shapes, hence few compiled programs
 SMALL = {"world.steps": 50, "world.body": "worm", "law": "unbounded", "surface": "uneven"}
 ONE = [f"{key}={value}" for key, value in SMALL.items()]
-
-
-class Remembering(Context):
-    """A context that begins with a checkpoint, if given one, and keeps those that are made."""
-
-    def __init__(self, found=None):
-        super().__init__()
-        self.found, self.saved = found, []
-
-    def restore(self):
-        return self.found and dict(self.found)
-
-    def checkpoint(self, make):
-        self.saved.append({name: array.copy() for name, array in make().items()})
 
 
 def cases(plan, *changes):

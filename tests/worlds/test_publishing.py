@@ -4,13 +4,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.keys import branch
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
 from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
-from ethogram.worlds.publishing.policies import Minded, Random, Ranking, static
+from ethogram.worlds.publishing.policies import (
+    Minded,
+    Random,
+    Ranking,
+    Scrutiny,
+    Together,
+    static,
+)
 
 SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
 
@@ -20,7 +30,10 @@ reset = eqx.filter_jit(Publishing.reset)
 
 def play(world, author, editor, seed=0, look=lambda state: state):
     """Every state of an episode, from the first, and all outcomes; arrays have time first."""
-    policy = static(world, author, editor)
+    if isinstance(editor, str):
+        policy = static(world, author, editor)
+    else:  # the share that editors turn away
+        policy = Together(Random(), Scrutiny(editor))
 
     @jax.jit
     def run(key):
@@ -110,6 +123,38 @@ def test_h_indices_are_those_of_counting_anew(played):
             expected = max((min(i, c) for i, c in enumerate(own, 1)), default=0)
             assert state.standing.h_index[author] == expected
     assert at(states, -1).standing.h_index.max() >= 2
+
+
+CITING = Publishing(authors=20, journals=10, initial_papers=100, years=4, steps_per_year=10)
+cite = eqx.filter_jit(Publishing._cite)
+rise = eqx.filter_jit(Publishing._rise)
+graphs = st.lists(
+    arrays(np.int32, (5, CITING.references), elements=st.integers(-1, 99)), min_size=1, max_size=12
+)
+
+
+@given(owner=arrays(np.int32, 100, elements=st.integers(-1, 19)), graph=graphs)
+def test_h_indices_of_any_citation_graph_are_those_of_counting(owner, graph):
+    """A hundred papers of twenty authors or of none, cited in rounds of five papers."""
+    state, _ = reset(CITING, jax.random.key(0))
+    size = len(state.literature.author)
+    author = jnp.full(size, -1).at[:100].set(owner)
+    own = jnp.asarray(np.bincount(owner[owner >= 0], minlength=20))
+    papers, standing = eqx.tree_at(
+        lambda at: (at[0].author, at[0].citations, at[1].tally),
+        (state.literature, state.standing),
+        (author, jnp.zeros(size, int), state.standing.tally.at[:, 0].set(own)),
+    )
+    counts = np.zeros(100, int)
+    for cited in graph:
+        standing, papers = cite(CITING, papers, standing, jnp.asarray(cited))
+        standing = rise(CITING, standing)
+        np.add.at(counts, cited[cited >= 0], 1)
+        np.testing.assert_array_equal(papers.citations[:100], counts)
+        for one in range(20):
+            ranked = np.sort(counts[owner == one])[::-1]
+            expected = (ranked >= np.arange(1, len(ranked) + 1)).sum()
+            assert standing.h_index[one] == expected
 
 
 def test_impact_factors_are_those_of_equation_7_3(played):
@@ -244,10 +289,34 @@ def test_three_authors_and_two_journals_worked_by_hand():
     assert outcome.truncated["author"].all()
 
 
-@pytest.mark.parametrize("editor", ["mild_scrutiny", "accept_everything"])
-def test_runs_side_by_side_are_the_runs_one_by_one(editor):
-    world = Publishing(authors=12, journals=10, initial_papers=30, years=1, steps_per_year=6)
-    policy = static(world, "minded", editor)
+def test_a_step_without_papers_has_its_place_among_the_others():
+    """Two authors, and editors that take only what is better than all they had."""
+    world = Publishing(authors=2, journals=10, initial_papers=40, years=4, steps_per_year=5)
+    states, *_ = play(world, "random", 1.0)
+    published = states.literature.published
+    came_out = np.diff(published)
+    assert 2 < (came_out > 0).sum() < world.horizon - 2
+    np.testing.assert_array_equal(at(states, -1).literature.start[3:], published)
+    for time in range(1, world.horizon + 1):
+        np.testing.assert_array_equal(
+            states.literature.start[time][3 : 4 + time], published[: time + 1]
+        )
+    papers = told(world, states)
+    for time in range(world.horizon):
+        known = int(published[time])
+        cited = states.drafts.cited[time + 1]
+        assert (cited < known).all()
+        for author in range(world.authors):
+            if states.drafts.rejections[time + 1][author] == 0:  # written in this step
+                assert len(set(cited[author].tolist())) == world.references
+    assert len(papers) == published[-1]
+
+
+@pytest.mark.parametrize(("authors", "share"), [(2, 1.0), (40, -1.0)])
+def test_runs_side_by_side_are_the_runs_one_by_one(authors, share):
+    """Also where in one of them nothing comes out, and where more does than is served at once."""
+    world = Publishing(authors=authors, journals=10, initial_papers=40, years=2, steps_per_year=4)
+    policy = Together(Minded(world.quality_max), Scrutiny(share))
 
     def run(key):
         def step(at, key):
@@ -258,11 +327,18 @@ def test_runs_side_by_side_are_the_runs_one_by_one(editor):
         start, keys = jax.random.split(key)
         return jax.lax.scan(step, world.reset(start), jax.random.split(keys, world.horizon))
 
-    keys = jax.random.split(jax.random.key(5), 3)
+    keys = jax.random.split(jax.random.key(5), 4)
     together = jax.jit(jax.vmap(run))(keys)
     apart = jax.jit(lambda keys: jax.lax.map(run, keys))(keys)
+    together, apart = jax.tree.map(np.array, (together, apart))
+    for papers in (together[0][0].literature, apart[0][0].literature):
+        empty = np.arange(papers.level.shape[1]) >= papers.published[:, None]
+        for field in (papers.level, papers.prefix, papers.author, papers.journal):
+            np.putmask(field, empty, -1)  # what stands there does not count
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), together, apart)
-    assert len(set(together[0][0].literature.published.tolist())) > 1 or editor != "mild_scrutiny"
+    came_out = np.diff(together[0][0].literature.start, axis=1)[:, 3:] > 0
+    assert came_out.all() == (share < 0)
+    assert came_out.any()
 
 
 # References

@@ -19,6 +19,7 @@ papers apart; then sums and quantiles are exact.  An author publishes at most on
 all papers that there can be fit in arrays made beforehand.
 """
 
+import dataclasses
 from typing import Annotated, Literal
 
 import equinox as eqx
@@ -173,8 +174,8 @@ class Publishing(World):
         """Papers of the years -2 to 0, and authors that have published nothing.
 
         Raises:
-            TooLarge: more papers could be published than 32 bits can number, or a step's qualities
-                add up to, or a state needs more memory than is free.
+            TooLarge: more papers could be published than 32 bits can number, or a state needs more
+                memory than is free.
 
         """
         self._require_room()
@@ -324,9 +325,13 @@ class Publishing(World):
                 papers, standing, out.qualities.add(place, level, due), received
             ), done + some
 
-        start = out, jnp.int32(0)
-        out, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), publish, start)
-        return eqx.tree_at(lambda o: o.standing, out, self._rise(out.standing))
+        begin = out, jnp.int32(0)
+        out, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), publish, begin)
+        papers = out.literature
+        # where the next block starts: outside the loop, as also a step without papers has an end
+        start = put(papers.start, INITIAL_YEARS + state.time + 1, papers.published)
+        papers = dataclasses.replace(papers, start=start)
+        return Out(papers, self._rise(out.standing), out.qualities, out.received)
 
     def _publish(
         self,
@@ -339,7 +344,6 @@ class Publishing(World):
     ) -> Literature:
         """Append the first so many drafts to this step's block."""
         block, place = INITIAL_YEARS + time, papers.published + jnp.arange(len(author))
-        published = papers.published + count
         return Literature(
             level=put(papers.level, place, level),
             prefix=put(papers.prefix, place, take(papers.total, block) + jnp.cumsum(level)),
@@ -347,9 +351,9 @@ class Publishing(World):
             journal=put(papers.journal, place, journal),
             citations=papers.citations,
             mark=papers.mark,
-            start=put(papers.start, block + 1, published),
+            start=papers.start,
             total=add(papers.total, block, level.sum()),
-            published=published,
+            published=papers.published + count,
             citable=papers.citable + (level > 0).sum(),
         )
 
@@ -526,12 +530,11 @@ class Publishing(World):
         return jnp.round(share * TOP).astype(jnp.int32)
 
     def _require_room(self) -> None:
-        words = max(self.authors, self.initial_papers) * TOP
-        if self.capacity > LARGEST_INDEX or words > LARGEST_INDEX:
+        if self.capacity > LARGEST_INDEX:
             raise TooLarge(
                 f"{self.authors} authors over {self.horizon} steps could publish "
                 f"{readable_count(self.capacity)} papers; allowed: {readable_count(LARGEST_INDEX)} "
-                f"papers, and at most {LARGEST_INDEX // TOP} of them in a step or initially."
+                "papers."
             )
         require_memory(
             f"A publishing system of {self.authors} authors, {self.journals} journals and up to "
