@@ -47,7 +47,7 @@ WORDS = {
     "undefined_if_zero": "impact factor without papers is 0",
     "running_if": "impact factor of the running year",
     "literal_bins": "minded authors' bin as printed, min(1, ...)",
-    "bins_dropped": "what bins cannot divide is dropped",
+    "bins_dropped": "what bins cannot divide is dropped (here all is divided)",
     "rejects_10": "minded authors write anew after 10 rejections",
     "unscaled_quality": "initial qualities and authors' from 1 to 5",
     "truncated_quality": "papers' qualities truncated, not clipped",
