@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.keys import branch
 from ethogram.worlds.publishing import Publishing
+from ethogram.worlds.publishing.citations import cite, rise
 from ethogram.worlds.publishing.initial import distance, initial_references, power_law
 from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
 from ethogram.worlds.publishing.policies import (
@@ -126,8 +127,7 @@ def test_h_indices_are_those_of_counting_anew(played):
 
 
 CITING = Publishing(authors=20, journals=10, initial_papers=100, years=4, steps_per_year=10)
-cite = eqx.filter_jit(Publishing._cite)
-rise = eqx.filter_jit(Publishing._rise)
+jitted_cite, jitted_rise = eqx.filter_jit(cite), eqx.filter_jit(rise)
 graphs = st.lists(
     arrays(np.int32, (5, CITING.references), elements=st.integers(-1, 99)), min_size=1, max_size=12
 )
@@ -147,8 +147,8 @@ def test_h_indices_of_any_citation_graph_are_those_of_counting(owner, graph):
     )
     counts = np.zeros(100, int)
     for cited in graph:
-        standing, papers = cite(CITING, papers, standing, jnp.asarray(cited))
-        standing = rise(CITING, standing)
+        standing, papers = jitted_cite(papers, standing, jnp.asarray(cited))
+        standing = jitted_rise(standing)
         np.add.at(counts, cited[cited >= 0], 1)
         np.testing.assert_array_equal(papers.citations[:100], counts)
         for one in range(20):

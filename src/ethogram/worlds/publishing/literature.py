@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int, Key
 
-from ethogram.core.batching import in_any_copy, put, take
+from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.keys import branch, scaled, unit, words
 
 LEVELS = 2**14  # of quality, from 0 to the largest
@@ -59,6 +59,72 @@ class Literature(eqx.Module):
             published=earlier.published,
             citable=earlier.citable,
         )
+
+
+def begin(
+    level: Int[Array, "paper"],
+    year: Int[Array, "paper"],
+    journal: Int[Array, "paper"],
+    cited: Int[Array, "paper reference"],
+    room: int,
+    blocks: int,
+) -> Literature:
+    """The initial papers, by nobody, in the order of their years from 0.
+
+    Args:
+        level: of quality.
+        year: 0, 1 or 2.
+        journal: that published them.
+        cited: what they cite; -1: nothing.
+        room: for how many papers, these among them.
+        blocks: how many there will be.
+
+    """
+    papers = len(level)
+    bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
+    whole = jnp.cumsum(level)
+    before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
+
+    def roomy(values: Array, fill: int = 0) -> Array:
+        return jnp.full(room, fill, jnp.int32).at[:papers].set(values)
+
+    counts = (cited >= 0).astype(jnp.int32)
+    return Literature(
+        level=roomy(level),
+        prefix=roomy(whole - before[bounds[year]]),
+        author=roomy(jnp.full(papers, -1), -1),
+        journal=roomy(journal),
+        citations=add(roomy(jnp.zeros(papers, jnp.int32)), jnp.maximum(cited, 0), counts),
+        mark=roomy(jnp.zeros(papers, jnp.int32)),
+        start=jnp.full(blocks + 1, papers, jnp.int32).at[: INITIAL_YEARS + 1].set(bounds),
+        total=add(jnp.zeros(blocks, jnp.int32), year, level),
+        published=jnp.int32(papers),
+        citable=(level > 0).sum(),
+    )
+
+
+def append(
+    papers: Literature,
+    time: Int[Array, ""],
+    author: Int[Array, "draft"],
+    journal: Int[Array, "draft"],
+    level: Int[Array, "draft"],
+    count: Int[Array, ""],
+) -> Literature:
+    """Add the first so many drafts to the block of a step, which still has to be ended."""
+    block, place = INITIAL_YEARS + time, papers.published + jnp.arange(len(author))
+    return Literature(
+        level=put(papers.level, place, level),
+        prefix=put(papers.prefix, place, take(papers.total, block) + jnp.cumsum(level)),
+        author=put(papers.author, place, author),
+        journal=put(papers.journal, place, journal),
+        citations=papers.citations,
+        mark=papers.mark,
+        start=papers.start,
+        total=add(papers.total, block, level.sum()),
+        published=papers.published + count,
+        citable=papers.citable + (level > 0).sum(),
+    )
 
 
 def year_of(block: Int[Array, "..."], steps_per_year: int) -> Int[Array, "..."]:

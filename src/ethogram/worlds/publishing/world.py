@@ -37,6 +37,7 @@ from ethogram.core.memory import readable_count, require_memory
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.worlds.publishing.citations import Standing, cite, rise
 from ethogram.worlds.publishing.impact_2018 import Sources
 from ethogram.worlds.publishing.initial import (
     Assignment,
@@ -51,6 +52,8 @@ from ethogram.worlds.publishing.literature import (
     LEVELS,
     TOGETHER,
     Literature,
+    append,
+    begin,
     chosen_first,
     distinct,
     draw,
@@ -68,14 +71,6 @@ class Drafts(eqx.Module):
     level: Int[Array, "author"]  # of quality
     cited: Int[Array, "author reference"]  # papers; -1: none
     rejections: Int[Array, "author"]
-
-
-class Standing(eqx.Module):
-    """How much the authors' papers are cited, and what follows."""
-
-    h_index: Int[Array, "author"]
-    above: Int[Array, "author"]  # papers with more citations than that
-    tally: Int[Array, "author count"]  # papers with exactly so many citations; the last: or more
 
 
 class State(eqx.Module):
@@ -192,6 +187,7 @@ class Publishing(World):
         counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
         counts &= take(year, jnp.maximum(cited, 0)) < INITIAL_YEARS - 1
         nobody = jnp.zeros(self.journals, jnp.int32)
+        room = self.capacity + self.authors  # a step writes as many entries as there are authors
         in_year = jnp.zeros(self.journals * INITIAL_YEARS, jnp.int32)
         in_year = add(in_year, journal * INITIAL_YEARS + year, jnp.ones_like(year))
         papers = in_year.reshape(self.journals, INITIAL_YEARS)
@@ -202,7 +198,7 @@ class Publishing(World):
             quality=quality,
             drafts=Drafts(none, jnp.full((self.authors, self.references), -1), none),
             standing=Standing(none, none, jnp.zeros((self.authors, self.horizon + 2), jnp.int32)),
-            literature=self._library(level, year, journal, cited),
+            literature=begin(level, year, journal, cited, room, INITIAL_YEARS + self.horizon),
             qualities=empty(self.journals).add(journal, level, level >= 0),
             window=papers[:, :0:-1],
             this_year=nobody,
@@ -318,8 +314,8 @@ class Publishing(World):
             due, place = number < count, take(journal, author)
             level = jnp.where(due, take(state.drafts.level, author), 0)
             cited = jnp.where(due[:, None], state.drafts.cited[author], -1)
-            papers = self._publish(out.literature, state.time, author, place, level, due.sum())
-            standing, papers = self._cite(papers, out.standing, cited)
+            papers = append(out.literature, state.time, author, place, level, due.sum())
+            standing, papers = cite(papers, out.standing, cited)
             received = out.received + self._in_window(papers, self.year(state), cited)
             return Out(
                 papers, standing, out.qualities.add(place, level, due), received
@@ -331,75 +327,7 @@ class Publishing(World):
         # where the next block starts: outside the loop, as also a step without papers has an end
         start = put(papers.start, INITIAL_YEARS + state.time + 1, papers.published)
         papers = dataclasses.replace(papers, start=start)
-        return Out(papers, self._rise(out.standing), out.qualities, out.received)
-
-    def _publish(
-        self,
-        papers: Literature,
-        time: Int[Array, ""],
-        author: Int[Array, "draft"],
-        journal: Int[Array, "draft"],
-        level: Int[Array, "draft"],
-        count: Int[Array, ""],
-    ) -> Literature:
-        """Append the first so many drafts to this step's block."""
-        block, place = INITIAL_YEARS + time, papers.published + jnp.arange(len(author))
-        return Literature(
-            level=put(papers.level, place, level),
-            prefix=put(papers.prefix, place, take(papers.total, block) + jnp.cumsum(level)),
-            author=put(papers.author, place, author),
-            journal=put(papers.journal, place, journal),
-            citations=papers.citations,
-            mark=papers.mark,
-            start=papers.start,
-            total=add(papers.total, block, level.sum()),
-            published=papers.published + count,
-            citable=papers.citable + (level > 0).sum(),
-        )
-
-    def _cite(
-        self, papers: Literature, standing: Standing, cited: Int[Array, "draft reference"]
-    ) -> tuple[Standing, Literature]:
-        """Count citations; h-indices are not raised yet."""
-        events = cited.reshape(-1)
-        there, paper = events >= 0, jnp.maximum(events, 0)
-        beyond = jnp.where(there, events, len(papers.level))  # dropped, if there is none
-        number = jnp.arange(len(events))
-        before = take(papers.citations, paper)
-        # one each, made of what was read: it is read before it is written, and not copied
-        citations = add(papers.citations, beyond, (before >= 0).astype(jnp.int32))
-        after = take(citations, paper)
-        mark = put(papers.mark, beyond, number)
-        once = there & (take(mark, paper) == number)  # each paper, once
-        owner = take(papers.author, paper)
-        counts = once & (owner >= 0)
-        owner, counted = jnp.where(counts, owner, 0), counts.astype(jnp.int32)
-        width = standing.tally.shape[1]
-        tally = standing.tally.reshape(-1)
-        tally = add(tally, owner * width + jnp.minimum(before, width - 1), -counted)
-        tally = add(tally, owner * width + jnp.minimum(after, width - 1), counted)
-        reached = take(standing.h_index, owner)
-        passes = (before <= reached) & (after > reached)
-        above = add(standing.above, owner, counted * passes)
-        standing = Standing(standing.h_index, above, tally.reshape(-1, width))
-        return standing, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
-
-    def _rise(self, standing: Standing) -> Standing:
-        """Let h-indices be as high as they may."""
-        width, tally = standing.tally.shape[1], standing.tally.reshape(-1)
-
-        def rising(at: tuple[Array, Array]) -> Array:
-            return in_any_copy((at[1] > at[0]).any())
-
-        def rise(at: tuple[Array, Array]) -> tuple[Array, Array]:
-            h_index, above = at
-            up = above > h_index
-            h_index = h_index + up
-            exactly = take(tally, jnp.arange(self.authors) * width + h_index)
-            return h_index, above - jnp.where(up, exactly, 0)
-
-        h_index, above = lax.while_loop(rising, rise, (standing.h_index, standing.above))
-        return Standing(h_index, above, standing.tally)
+        return Out(papers, rise(out.standing), out.qualities, out.received)
 
     def _in_window(
         self, papers: Literature, year: Int[Array, ""], cited: Int[Array, "draft reference"]
@@ -452,43 +380,6 @@ class Publishing(World):
         )
 
     # What it is made of
-
-    def _library(
-        self,
-        level: Int[Array, "paper"],
-        year: Int[Array, "paper"],
-        journal: Int[Array, "paper"],
-        cited: Int[Array, "paper reference"],
-    ) -> Literature:
-        """The initial papers, with room for those to come."""
-        papers, blocks = self.initial_papers, INITIAL_YEARS + self.horizon
-        bounds = jnp.searchsorted(year, jnp.arange(INITIAL_YEARS + 1))
-        total = add(jnp.zeros(blocks, jnp.int32), year, level)
-        whole = jnp.cumsum(level)
-        before = jnp.concatenate([jnp.zeros(1, whole.dtype), whole])
-
-        def room(values: Array, fill: int = 0) -> Array:
-            size = (
-                self.capacity + self.authors
-            )  # a step writes as many entries as there are authors
-            return jnp.full(size, fill, jnp.int32).at[:papers].set(values)
-
-        return Literature(
-            level=room(level),
-            prefix=room(whole - before[bounds[year]]),
-            author=room(jnp.full(papers, -1), -1),
-            journal=room(journal),
-            citations=add(
-                room(jnp.zeros(papers, jnp.int32)),
-                jnp.maximum(cited, 0),
-                (cited >= 0).astype(jnp.int32),
-            ),
-            mark=room(jnp.zeros(papers, jnp.int32)),
-            start=jnp.full(blocks + 1, papers, jnp.int32).at[: INITIAL_YEARS + 1].set(bounds),
-            total=total,
-            published=jnp.int32(papers),
-            citable=(level > 0).sum(),
-        )
 
     def _impact(
         self, received: Int[Array, "journal"], papers: Int[Array, "journal"]
