@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, grouped, groups_by_trial
 
 
 def scene(**changes):
@@ -19,7 +19,9 @@ def scene(**changes):
         "tint": np.array([[0, 1], [1, -1], [0, 0]]),
         "words": ("hello",),
         "said": np.array([[-1, 0], [0, -1], [-1, -1]]),
+        "fresh": np.array([[False, False], [True, False], [False, True]]),
         "captions": ("a", "b", "c"),
+        "chapters": ("first", "first", "second"),
         "series": {"distance": np.ones((3, 1), np.float32)},
     }
     return Scene(**(parts | changes))
@@ -28,10 +30,10 @@ def scene(**changes):
 def test_a_scene_comes_back_from_its_dataset_as_it_was():
     before = scene()
     after = Scene.from_dataset(before.to_dataset())
-    plain = ("title", "bounds", "frame_seconds", "palette", "shapes", "links", "words", "captions")
-    for name in plain:
+    plain = ("title", "bounds", "frame_seconds", "palette", "shapes", "links", "words")
+    for name in (*plain, "captions", "chapters"):
         assert getattr(after, name) == getattr(before, name)
-    for name in ("position", "tint", "said"):
+    for name in ("position", "tint", "said", "fresh"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
     np.testing.assert_array_equal(after.series["distance"], before.series["distance"])
 
@@ -39,8 +41,13 @@ def test_a_scene_comes_back_from_its_dataset_as_it_was():
 def test_an_array_that_does_not_fit_the_cast_is_named():
     with pytest.raises(EthogramError, match=r"tint is \(3, 1\), not \(3, 2\)"):
         scene(tint=np.zeros((3, 1), int))
-    with pytest.raises(EthogramError, match="captions is 1, not 3"):
-        scene(captions=("alone",))
+    with pytest.raises(EthogramError, match=r"fresh is \(2, 2\), not \(3, 2\)"):
+        scene(fresh=np.zeros((2, 2), bool))
+    with pytest.raises(EthogramError, match=r"orientation is \(3, 2, 3\), not \(3, 2, 4\)"):
+        scene(orientation=np.zeros((3, 2, 3)))
+    for name in ("captions", "chapters"):
+        with pytest.raises(EthogramError, match=f"{name} is 1, not 3"):
+            scene(**{name: ("alone",)})
 
 
 def test_a_line_must_join_shapes_of_the_cast():
@@ -50,7 +57,18 @@ def test_a_line_must_join_shapes_of_the_cast():
         scene(links=((-1, 0),))
 
 
-def test_a_scene_stored_before_there_were_lines_has_none():
-    stored = scene(links=()).to_dataset()
-    assert "links" not in json.loads(stored.attrs["scene"])  # the same bytes as ever
-    assert Scene.from_dataset(stored).links == ()
+def test_a_scene_without_lines_and_chapters_is_stored_as_before_there_were_any():
+    stored = scene(links=(), chapters=(), fresh=None).to_dataset()
+    assert not {"links", "chapters"} & json.loads(stored.attrs["scene"]).keys()  # the same bytes
+    assert "fresh" not in stored
+    found = Scene.from_dataset(stored)
+    assert (found.links, found.chapters, found.fresh) == ((), (), None)
+
+
+def test_scenes_of_trials_are_groups_of_a_record_and_found_there_again():
+    titles = ["one", "two", "three"]
+    groups = grouped([scene(title=title) for title in titles])
+    assert list(groups) == ["scene", "scene-2", "scene-3"]
+    found = groups_by_trial(["results", "scene-10", "scenery", "scene-b", *groups])
+    assert found == {1: "scene", 2: "scene-2", 3: "scene-3", 10: "scene-10"}
+    assert [Scene.from_dataset(groups[found[trial]]).title for trial in (1, 2, 3)] == titles

@@ -190,7 +190,8 @@ def browser() -> Iterator[Browser]:
             pytest.fail(message)
         pytest.skip(message)
     flags = (
-        "--no-sandbox --disable-gpu --disable-quic --no-first-run "
+        "--no-sandbox --disable-quic --no-first-run "
+        "--use-angle=swiftshader --enable-unsafe-swiftshader "  # pictures in space without a GPU
         "--disable-background-networking --disable-component-update --disable-sync"
     )
     with sync_playwright() as playwright:

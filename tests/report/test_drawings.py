@@ -12,12 +12,26 @@ LINKED = (
 )
 
 
-def test_every_id_and_every_use_of_it_begin_with_the_figures_name() -> None:
-    root = ET.fromstring(inlined(LINKED, name="figure-1", alt=""))
-    assert {e.get("id") for e in root.iter() if e.get("id")} == {"figure-1.m1", "figure-1.p1"}
-    assert root.find("use").get("href") == "#figure-1.m1"  # type: ignore[union-attr]
-    assert root.find("use").get("style") == "fill: #0072b2"  # type: ignore[union-attr]
-    assert root.find("g").get("clip-path") == "url(#figure-1.p1)"  # type: ignore[union-attr]
+def test_two_drawings_share_no_id_and_each_use_finds_its_own() -> None:
+    ids = set()
+    for name in ("figure-1", "figure-2"):
+        root = ET.fromstring(inlined(LINKED, name=name, alt=""))
+        marker, clip = (root.find(f"defs/{tag}").get("id") for tag in ("path", "clipPath"))  # type: ignore[union-attr]
+        assert root.find("use").get("href") == f"#{marker}"  # type: ignore[union-attr]
+        assert root.find("use").get("style") == "fill: #0072b2"  # type: ignore[union-attr]
+        assert root.find("g").get("clip-path") == f"url(#{clip})"  # type: ignore[union-attr]
+        ids |= {marker, clip}
+    assert len(ids) == 4
+
+
+def test_groups_that_say_nothing_are_left_out_and_what_they_hold_is_kept() -> None:
+    grouped = (
+        '<svg xmlns="http://www.w3.org/2000/svg"><g><g fill="red"><g><path d="M 0 0"/></g></g>'
+        "<g><rect/></g></g><g/></svg>"
+    )
+    root = ET.fromstring(inlined(grouped, name="f", alt=""))
+    assert [element.tag for element in root.iter()] == ["svg", "g", "path", "rect"]
+    assert [element.tag for element in root] == ["g", "rect"]
 
 
 def test_an_inlined_drawing_is_an_image_with_its_text_as_text() -> None:

@@ -1,6 +1,5 @@
 """The player as a viewer uses it, in a real browser, with scenes made here and with stored ones."""
 
-import io
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,80 +7,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import Page
+from tests.report.player import (
+    BLUE,
+    FRAMES,
+    HEIGHT,
+    HOSTILE,
+    RED,
+    WIDTH,
+    at,
+    centre,
+    crossing,
+    frames,
+    opened,
+    pixels,
+    until,
+)
 
 from ethogram import cli
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Shape
 from ethogram.report import Replay, StudyPage, write, write_replay
 from ethogram.report.replay import packed
 
 RECORDS = Path(__file__).parents[2] / "docs" / "results" / "records"
 WORLDS = ("sharing", "language", "publishing")
-HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=alert(1)>\u202e\u05e9"
-BLUE, RED = (0, 114, 178), (213, 94, 0)
-FRAMES, WIDTH, HEIGHT = 41, 16.0, 9.0
-
-
-def crossing(**changes) -> Scene:
-    """A disc that goes from left to right in a field of 16 to 9, and turns red half way."""
-    x = np.linspace(1, WIDTH - 1, FRAMES)
-    settings = {
-        "title": "crossing",
-        "bounds": (0.0, 0.0, WIDTH, HEIGHT),
-        "frame_seconds": 0.05,
-        "palette": ("going", "gone"),
-        "shapes": (Shape("circle", 0.8),),
-        "position": np.stack([x, np.full(FRAMES, 6.0)], 1)[:, None],
-        "tint": (np.arange(FRAMES) >= FRAMES // 2).astype(int)[:, None],
-        "captions": tuple(f"frame {frame}" for frame in range(FRAMES)),
-        "series": {"way": x[:, None]},
-    }
-    return Scene(**(settings | changes))
-
-
-def opened(tmp_path: Path, open_tab: Callable[..., Page], scene: Scene | None, **screen) -> Page:
-    file = tmp_path / "replay.html"
-    write_replay(file, "toy", Replay(name="case", scene=scene, trouble="it is cut short"))
-    page = open_tab(**screen)
-    page.goto(file.as_uri())
-    page.locator("#replay").wait_for()
-    if scene is not None:
-        until(page, lambda: frames(page) > 0)
-    return page
-
-
-def pixels(shown: Locator) -> np.ndarray:
-    return np.asarray(Image.open(io.BytesIO(shown.screenshot())).convert("RGB")).astype(int)
-
-
-def centre(picture: np.ndarray, colour: tuple[int, int, int]) -> tuple[float, float] | None:
-    """Where a colour is, in shares of the picture's width and height."""
-    where = np.argwhere(np.abs(picture - colour).max(2) < 12)
-    if len(where) < 50:
-        return None
-    y, x = where.mean(0)
-    return x / picture.shape[1], y / picture.shape[0]
-
-
-def at(page: Page) -> int:
-    """The frame that is shown."""
-    return int(page.locator("#replay").get_attribute("data-frame") or 0)
-
-
-def frames(page: Page) -> int:
-    """How many there are, once the scene is read."""
-    return int(page.locator("#replay").get_attribute("data-frames") or 0)
-
-
-def until(page: Page, met: Callable[[], bool]) -> None:
-    """Wait; the page's policy forbids the browser to do it by evaluating text."""
-    for _ in range(400):
-        if met():
-            return
-        page.wait_for_timeout(20)
-    pytest.fail("it did not happen within eight seconds")
 
 
 @pytest.mark.parametrize(("frame", "colour"), [(0, BLUE), (13, BLUE), (30, RED), (40, RED)])
@@ -92,7 +42,7 @@ def test_scrubbing_shows_what_the_scene_has_in_that_frame(
     page = opened(tmp_path, open_tab, scene)
     page.locator("[data-part=frame]").fill(str(frame))
     assert at(page) == frame
-    assert page.locator("[data-part=caption]").inner_text().startswith(f"frame {frame} ")
+    assert page.locator("[data-part=caption]").inner_text() == f"frame {frame}"
     found = centre(pixels(page.locator("[data-part=canvas]")), colour)
     assert found is not None
     x, y = scene.position[frame, 0]
@@ -129,6 +79,75 @@ def test_it_stops_at_the_end_and_begins_again_if_asked_to(
     until(page, lambda: at(page) > 20)
     until(page, lambda: at(page) < 20)
     assert page.locator("[data-part=play]").inner_text() == "Pause"
+
+
+def test_between_two_frames_shapes_move_unless_they_are_there_anew(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    x = np.where(np.arange(FRAMES) % 2, WIDTH - 1, 1)
+    there_and_back = np.stack([x, np.full(FRAMES, 6.0)], 1)[:, None]
+    for fresh in (None, np.ones((FRAMES, 1), bool)):
+        scene = crossing(position=there_and_back, frame_seconds=160.0, fresh=fresh)
+        page = opened(tmp_path, open_tab, scene)
+        canvas = page.locator("[data-part=canvas]")
+        before = centre(pixels(canvas), BLUE)
+        page.locator("[data-part=speed]").select_option(index=5)
+        page.locator("[data-part=play]").click()
+        page.wait_for_timeout(1000)
+        after = centre(pixels(canvas), BLUE)
+        assert at(page) == 0
+        assert before is not None
+        assert after is not None
+        way = after[0] - before[0]
+        assert way == 0 if fresh is not None else 0.01 < way < 0.8
+        page.locator("[data-part=play]").click()  # a stopped player shows the frame itself
+        assert centre(pixels(canvas), BLUE) == before
+
+
+def test_nothing_glides_for_those_who_want_less_motion(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crossing(frame_seconds=160.0), reduced_motion="reduce")
+    before = pixels(page.locator("[data-part=canvas]"))
+    page.locator("[data-part=speed]").select_option(index=5)
+    page.locator("[data-part=play]").click()
+    page.wait_for_timeout(500)
+    assert at(page) == 0
+    assert (pixels(page.locator("[data-part=canvas]")) == before).all()
+
+
+def test_chapters_are_gone_to_and_shown(tmp_path: Path, open_tab: Callable[..., Page]) -> None:
+    chapters = tuple(f"year {1 + frame // 10}" for frame in range(FRAMES))
+    page = opened(tmp_path, open_tab, crossing(chapters=chapters))
+    choice = page.locator("[data-part=chapter]")
+    years = choice.locator("option").all_inner_texts()
+    assert years == [f"year {year}" for year in range(1, 6)]
+    choice.select_option(label="year 3")
+    assert at(page) == 20
+    page.locator("[data-part=frame]").fill("39")
+    assert choice.evaluate("each => each.selectedOptions[0].label") == "year 4"
+    plain = opened(tmp_path, open_tab, crossing())
+    assert not plain.locator("[data-part=chapter]").is_visible()
+
+
+def test_a_trial_is_chosen_where_there_are_several(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    scenes = [crossing(captions=(f"trial {trial}",) * FRAMES) for trial in (1, 2)]
+    replays = [
+        Replay(name="case", scene=scene, trial=trial) for trial, scene in enumerate(scenes, start=1)
+    ]
+    file = tmp_path / "replay.html"
+    write_replay(file, "toy", [*replays, Replay(name="alone", scene=crossing())])
+    page = open_tab()
+    page.goto(file.as_uri())
+    caption, trial = page.locator("[data-part=caption]"), page.locator("[data-part=trial]")
+    until(page, lambda: caption.inner_text() == "trial 1")
+    trial.select_option("2")
+    until(page, lambda: caption.inner_text() == "trial 2")
+    page.locator("[data-part=scene]").select_option("alone")
+    until(page, lambda: caption.inner_text() == "frame 0")
+    assert not trial.is_visible()
 
 
 def test_keys_step_jump_and_play(tmp_path: Path, open_tab: Callable[..., Page]) -> None:
@@ -189,16 +208,17 @@ def test_a_page_has_ten_replays_of_many_and_says_so(
     tmp_path: Path, open_tab: Callable[..., Page], bare: StudyPage
 ) -> None:
     replays = [Replay(name=f"case {number}", scene=crossing()) for number in range(12)]
-    solid = crossing(position=np.zeros((FRAMES, 1, 3)))
-    study = replace(bare, replays=[*replays, Replay(name="solid", scene=solid)])
+    study = replace(bare, replays=replays)
     folder = write(tmp_path, [study]).parent
     page = open_tab()
     page.goto((folder / "report" / "bare.html").as_uri())
     choice = page.locator("[data-part=scene]")
-    assert choice.locator("option").all_inner_texts() == [f"case {n}" for n in range(10)]
+    shown = choice.locator("option").all_inner_texts()
+    assert len(shown) == 10
+    assert [shown[0], shown[-1]] == ["case 0", "case 11"]
     assert "2 more" in page.locator("#section-replays + p").inner_text()
     page.locator("[data-part=frame]").fill("7")
-    choice.select_option("case 3")
+    choice.select_option("case 4")
     until(page, lambda: at(page) == 0)
 
 
@@ -253,13 +273,10 @@ def test_a_damaged_scene_shows_a_message_not_a_blank(
 def test_what_cannot_be_replayed_is_refused_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    solid = crossing(position=np.zeros((FRAMES, 1, 3)))
-    with pytest.raises(EthogramError, match="three dimensions"):
-        write_replay(tmp_path / "r.html", "toy", Replay(name="solid", scene=solid))
     foreign = tmp_path / "mine.html"
     foreign.write_text("my own page")
     with pytest.raises(EthogramError, match="no page of Ethogram's"):
-        write_replay(foreign, "toy", Replay(name="case", scene=crossing()))
+        write_replay(foreign, "toy", [Replay(name="case", scene=crossing())])
     for words, said in (
         (["sharing", "nobody"], "nobody"),
         (["rules", "x"], "rules"),

@@ -1,13 +1,15 @@
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.report import StudyPage, write
-from ethogram.report.site import slug
+from ethogram.report import Replay, StudyPage, write
+from ethogram.report.site import replay_page, slug
 
 
 class Anchors(HTMLParser):
@@ -119,3 +121,26 @@ def test_text_cannot_become_markup_in_markdown(tmp_path: Path, bare: StudyPage) 
     shown = r"\<b\>a\</b\> \| \[x\](y) \*z\* \# \`h\` \$m\$ \&amp;"
     assert text.startswith(f"# {shown}\n")
     assert r"`<b>a</b> \| [x](y) *z* # 'h' $m$ &amp;`" in text
+
+
+def test_a_page_shows_cases_from_first_to_last_before_it_shows_further_trials():
+    def shown(cases: int, trials: int) -> list[tuple[str, int]]:
+        replays = [
+            Replay(name=str(case), scene=None, trouble="none", trial=trial)
+            for case in range(cases)
+            for trial in range(1, trials + 1)
+        ]
+        return [(found["name"], found["trial"]) for found in _shown(replays)]
+
+    assert shown(2, 2) == [("0", 1), ("1", 1), ("0", 2), ("1", 2)]
+    many = shown(28, 3)
+    assert many == [(str(case), 1) for case in range(0, 28, 3)]
+    some = shown(6, 3)
+    assert some[:6] == [(str(case), 1) for case in range(6)]
+    assert some[6:] == [(str(case), 2) for case in range(4)]
+
+
+def _shown(replays: list[Replay]) -> list[dict[str, Any]]:
+    page = replay_page("toy", replays)
+    text = page.split('id="replay-scenes">')[1].split("</script>")[0]
+    return json.loads(text)

@@ -1,7 +1,8 @@
 """Run a policy through a world, episode after episode.
 
 A world never resets itself; `rollout` does, once every agent's episode has ended, and keeps the
-observation that the ended episode reached.  For a batch, `vmap` over keys.
+observation that the ended episode reached.  For a batch, `vmap` over keys.  `watch` plays one
+episode and shows it.
 """
 
 from collections.abc import Callable
@@ -10,10 +11,14 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 from jaxtyping import Bool, Key
 
 from ethogram.core.batching import in_any_copy
+from ethogram.core.errors import EthogramError
+from ethogram.core.memory import require_memory
+from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome, PerRole, World
 
 Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
@@ -82,6 +87,50 @@ def rollout(
         return after, Transition(for_world, at.state, at.observation, action, outcome, state, last)
 
     return lax.scan(advance, start, jax.random.split(key, steps))
+
+
+def watch(world: World, policy: Policy, key: Key[Array, ""]) -> Scene:
+    """Play one episode and record what it looked like; at the end of a notebook's cell, a replay.
+
+    Args:
+        world: one that draws scenes.
+        policy: `policy(key, observation) -> action`, per role.
+        key: consumed, as by `rollout`; the same key shows the same episode.
+
+    Raises:
+        TooLarge: the states of an episode would not fit in memory; the message names the size.
+        EthogramError: the world draws no scenes.
+
+    """
+    start = jax.tree.leaves(jax.eval_shape(world.reset, key))
+    each = sum(part.size * part.dtype.itemsize for part in start)
+    # of every step two states are kept, the one left and the one reached
+    require_memory(f"An episode of {world.horizon} steps", 2 * world.horizon * each)
+    return world.scene(_episode(world, policy, key))
+
+
+@eqx.filter_jit
+def _episode(world: World, policy: Policy, key: Key[Array, ""]) -> Transition:
+    return rollout(world, policy, key, world.horizon)[1]
+
+
+def first_episode(trajectory: Transition) -> Transition:
+    """The steps of a trajectory up to and with the first that ended an episode, or else all.
+
+    Raises:
+        EthogramError: the trajectory is a batch of them or a single step, or has no steps.
+
+    """
+    axes = trajectory.last.shape
+    if len(axes) != 1 or not axes[0]:
+        raise EthogramError(
+            "A scene shows one trajectory, whose arrays have its steps as their first axis; here "
+            f"the leading axes are {axes}. Of a batch take one: "
+            "jax.tree.map(lambda part: part[0], trajectory)."
+        )
+    ended = np.flatnonzero(trajectory.last)
+    steps = int(ended[0]) + 1 if ended.size else axes[0]
+    return jax.tree.map(lambda part: part[:steps], trajectory)
 
 
 def episode_ended(outcome: Outcome) -> Bool[Array, ""]:

@@ -2,28 +2,44 @@
 
 A scene has a fixed cast of shapes.  Per frame, each has a position, a tint (an entry of the
 palette, or -1 for hidden) and possibly some words; the frame has a caption, and numbers to plot
-beside it.  Lines may join shapes, in every frame the same.  A scene is stored as a dataset and
-drawn by the report.
+beside it.  Between frames shapes move, unless they are said to appear anew; frames may be grouped
+into chapters.  Lines may join shapes, in every frame the same.  In space positions are in metres,
+the third axis points upwards and the floor is at 0.  A scene is stored as a dataset and
+drawn by the report: on a study's page, on a page of its own, and in a notebook, where a scene on
+the last line of a cell shows itself as a replay.  `World.scene` makes one of a rollout, and
+`ethogram.core.rollout.watch` plays an episode to make one.
 """
 
 import dataclasses
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ethogram.core.errors import EthogramError
+from ethogram.core.registry import Registry
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     import xarray as xr
 
 Kind = Literal["circle", "square", "ring", "text", "cube"]
-TURNS = {  # arrays that only scenes of bodies have, and their axes
-    "scale": ("frame", "shape"),
-    "orientation": ("frame", "shape", "quaternion"),
+GROUP = "scene"  # of a record
+RECORDED = 3  # trials of a case whose scenes are kept, the first ones
+OPTIONAL = {  # arrays that not every scene has: their further axes, and how they are stored
+    "said": ((), np.int16),
+    "scale": ((), np.float32),
+    "orientation": (("quaternion",), np.float32),
+    "fresh": ((), np.bool_),
 }
+# who draws is named here and found when a scene is shown: the core may not import the report
+DRAWINGS: "Registry[Callable[[Scene], str]]" = Registry(
+    "drawing of scenes", "ethogram.drawings", {"notebook": "ethogram.report.notebook:as_html"}
+)
 
 
 @dataclass(frozen=True)
@@ -57,7 +73,9 @@ class Scene:
     said: Int[np.ndarray, "frame shape"] | None = None  # entry of words, -1 = nothing
     scale: Float[np.ndarray, "frame shape"] | None = None  # of a shape's size
     orientation: Float[np.ndarray, "frame shape 4"] | None = None  # unit quaternion w, x, y, z
+    fresh: Bool[np.ndarray, "frame shape"] | None = None  # is there anew: it did not move there
     captions: tuple[str, ...] = ()  # one per frame
+    chapters: tuple[str, ...] = ()  # one per frame, the same for frames that belong together
     series: dict[str, Float[np.ndarray, "frame line"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -68,12 +86,11 @@ class Scene:
             "captions": (len(self.captions), frames),
             **{name: (line.shape[0], frames) for name, line in self.series.items()},
         }
-        if self.said is not None:
-            shapes["said"] = (self.said.shape, (frames, cast))
-        if self.scale is not None:
-            shapes["scale"] = (self.scale.shape, (frames, cast))
-        if self.orientation is not None:
-            shapes["orientation"] = (self.orientation.shape, (frames, cast, 4))
+        for name, array in self._optional().items():
+            axes = (4,) if name == "orientation" else ()
+            shapes[name] = (array.shape, (frames, cast, *axes))
+        if self.chapters:
+            shapes["chapters"] = (len(self.chapters), frames)
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
@@ -83,6 +100,13 @@ class Scene:
                     f"Scene {self.title!r}: a line joins {link}, but there are only {cast} shapes."
                 )
 
+    def __repr__(self) -> str:
+        return f"Scene({self.title!r}, {len(self.position)} frames, {len(self.shapes)} shapes)"
+
+    def _repr_html_(self) -> str:
+        """A replay: what a notebook shows for a scene on the last line of a cell."""
+        return DRAWINGS.get("notebook")(self)
+
     def to_dataset(self) -> "xr.Dataset":
         """Arrays as variables, everything else as one JSON attribute."""
         import xarray as xr
@@ -91,12 +115,9 @@ class Scene:
             "position": (("frame", "shape", "axis"), self.position.astype(np.float32)),
             "tint": (("frame", "shape"), self.tint.astype(np.int16)),
         }
-        if self.said is not None:
-            arrays["said"] = (("frame", "shape"), self.said.astype(np.int16))
-        for name, axes in TURNS.items():
-            turned = getattr(self, name)
-            if turned is not None:
-                arrays[name] = (axes, turned.astype(np.float32))
+        for name, array in self._optional().items():
+            axes, stored = OPTIONAL[name]
+            arrays[name] = (("frame", "shape", *axes), array.astype(stored))
         for name, lines in self.series.items():
             arrays[f"series.{name}"] = (("frame", f"line.{name}"), lines.astype(np.float32))
         plain = {
@@ -104,9 +125,15 @@ class Scene:
             for name in ("title", "bounds", "frame_seconds", "palette", "words", "captions")
         }
         plain["shapes"] = [dataclasses.astuple(shape) for shape in self.shapes]
-        if self.links:  # a scene without any is stored as scenes were before there were links
-            plain["links"] = self.links
+        for name in ("links", "chapters"):
+            if getattr(self, name):  # a scene without any is stored as before there were any
+                plain[name] = getattr(self, name)
         return xr.Dataset(arrays, attrs={"scene": json.dumps(plain)})
+
+    def _optional(self) -> dict[str, np.ndarray]:
+        """Those arrays of `OPTIONAL` that there are."""
+        arrays = {name: getattr(self, name) for name in OPTIONAL}
+        return {name: array for name, array in arrays.items() if array is not None}
 
     @staticmethod
     def from_dataset(data: "xr.Dataset") -> "Scene":
@@ -114,23 +141,37 @@ class Scene:
         plain = json.loads(data.attrs["scene"])
         plain["shapes"] = tuple(Shape(*shape) for shape in plain["shapes"])
         plain["links"] = tuple((first, second) for first, second in plain.get("links", ()))
-        for name in ("bounds", "palette", "words", "captions"):
+        plain.setdefault("chapters", ())
+        for name in ("bounds", "palette", "words", "captions", "chapters"):
             plain[name] = tuple(plain[name])
         series = {
             str(name).removeprefix("series."): lines.values
             for name, lines in data.data_vars.items()
             if str(name).startswith("series.")
         }
-
-        def optional(name: str) -> np.ndarray | None:
-            return data[name].values if name in data else None
-
+        optional: dict[str, Any] = {name: data[name].values for name in OPTIONAL if name in data}
         return Scene(
             position=data["position"].values,
             tint=data["tint"].values,
-            said=optional("said"),
-            scale=optional("scale"),
-            orientation=optional("orientation"),
             series=series,
+            **optional,
             **plain,
         )
+
+
+def grouped(scenes: "Sequence[Scene]") -> "dict[str, xr.Dataset]":
+    """Scenes of a case's first trials as groups of its record: scene, scene-2, scene-3, ..."""
+    return {
+        GROUP if trial == 1 else f"{GROUP}-{trial}": scene.to_dataset()
+        for trial, scene in enumerate(scenes, start=1)
+    }
+
+
+def groups_by_trial(groups: "Iterable[str]") -> dict[int, str]:
+    """Those groups of a record that hold scenes, by the number of the trial."""
+    found = {}
+    for name in groups:
+        stem, _, trial = name.partition("-")
+        if stem == GROUP and (trial.isdecimal() or not trial):
+            found[int(trial or 1)] = name
+    return dict(sorted(found.items()))

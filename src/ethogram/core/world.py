@@ -6,14 +6,19 @@ Agents are an array axis and roles are the keys: a world with movers and talkers
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 from jax import Array
 from jaxtyping import Key, PyTree
 
+from ethogram.core.errors import EthogramError
+from ethogram.core.scene import Scene
 from ethogram.core.settings import check_settings
 from ethogram.core.spaces import Space
+
+if TYPE_CHECKING:  # rollouts are of worlds
+    from ethogram.core.rollout import Transition
 
 PerRole = dict[str, Array]  # an array per role; the leading axis counts the role's agents
 State = PyTree[Array]  # a world's own state: arrays only
@@ -75,3 +80,19 @@ class World(eqx.Module):
     @abstractmethod
     def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
         """Apply one action per agent."""
+
+    def scene(self, trajectory: "Transition") -> Scene:
+        """What the first episode of a rollout looked like, as plain data.
+
+        A world that can be shown has a method of its own for it, which begins with
+        `ethogram.core.rollout.first_episode`.
+
+        Args:
+            trajectory: the transitions that `rollout` returned, of one world, the steps leading.
+
+        Raises:
+            EthogramError: this world draws no scenes, or the trajectory is a batch of them.
+
+        """
+        del trajectory
+        raise EthogramError(f"The world {type(self).__name__} draws no scenes.")

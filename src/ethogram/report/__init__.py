@@ -4,8 +4,17 @@
 its tables and figures.  Nothing here computes or reads records: the caller brings `StudyPage`s.
 """
 
+from ethogram.report.comparison import Comparison, compare_pages
 from ethogram.report.page import StudyPage
 from ethogram.report.replay import Replay
-from ethogram.report.site import write, write_replay
+from ethogram.report.site import write, write_comparison, write_replay
 
-__all__ = ["Replay", "StudyPage", "write", "write_replay"]
+__all__ = [
+    "Comparison",
+    "Replay",
+    "StudyPage",
+    "compare_pages",
+    "write",
+    "write_comparison",
+    "write_replay",
+]

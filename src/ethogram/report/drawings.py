@@ -1,5 +1,6 @@
 """Figures' SVG made fit to stand among others on one page, or alone in a file."""
 
+import hashlib
 import re
 import xml.etree.ElementTree as ET
 
@@ -22,10 +23,11 @@ def alone(svg: str, *, name: str, alt: str) -> str:
 
 
 def _element(svg: str, name: str, alt: str) -> ET.Element:
-    """Parsed, without namespaces (HTML knows none), its ids and their uses begun with `name`.
+    """Parsed, without namespaces (HTML knows none), with ids of its own.
 
     Two drawings on a page may use the same id for different things (matplotlib names glyphs and
-    markers by their content's hash), and the browser would take the first for both.
+    markers by their content's hash), and the browser would take the first for both.  Here an id is
+    a hash of the drawing's name and a number, which is short: a page has thousands of references.
     """
     try:
         root = ET.fromstring(svg)
@@ -33,16 +35,32 @@ def _element(svg: str, name: str, alt: str) -> ET.Element:
         raise EthogramError(f"The SVG of figure {name!r} is not well-formed: {error}.") from error
     if root.tag not in ("svg", f"{{{_NAMESPACE}}}svg"):
         raise EthogramError(f"The SVG of figure {name!r} is a <{_local(root.tag)}>, not an <svg>.")
+    prefix = "d" + hashlib.sha256(name.encode(errors="replace")).hexdigest()[:7]
+    numbers: dict[str, int] = {}
+
+    def short(id_: str) -> str:
+        return f"{prefix}.{numbers.setdefault(id_, len(numbers))}"
+
     for element in root.iter():
         element.tag = _local(element.tag)
         element.attrib = {
-            _local(key): f"{name}.{value}"
+            _local(key): short(value)
             if key == "id"
-            else _REFERENCE.sub(lambda target: f"{name}.{target[0]}", value)
+            else _REFERENCE.sub(lambda target: short(target[0]), value)
             for key, value in element.attrib.items()
         }
+        element[:] = _ungrouped(element)
     root.attrib |= {"role": "img", "aria-label": alt}
     return root
+
+
+def _ungrouped(element: ET.Element) -> list[ET.Element]:
+    """What an element holds, without groups that say nothing."""
+    found = []
+    for child in element:
+        plain = _local(child.tag) == "g" and not child.attrib
+        found += _ungrouped(child) if plain else [child]
+    return found
 
 
 def _local(name: str) -> str:

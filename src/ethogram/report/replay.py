@@ -1,6 +1,7 @@
 """Recorded scenes packed for the player: numbers as 16-bit steps, compressed, inside the page.
 
-The player (`templates/replay.js`) draws what it is given and knows no world.  Positions and sizes
+The player (`templates/replay.js`, with a stage for the plane and one for space) draws what it is
+given and knows no world.  Positions and sizes
 are rounded to one of 65 535 steps between the smallest and the largest; every number but those of
 the first frame is stored as its difference from the frame before, which compresses well.
 """
@@ -26,11 +27,12 @@ class Replay:
     name: str  # the case's
     scene: Scene | None  # None where what is stored is no scene
     trouble: str = ""  # then: why
+    trial: int = 1  # of the case, from 1
 
     @property
-    def flat(self) -> bool:
-        """Whether the scene is in the plane, which the player can draw; a damaged one may be."""
-        return self.scene is None or self.scene.position.shape[2] == 2
+    def solid(self) -> bool:
+        """Whether the scene is in space, not in the plane."""
+        return self.scene is not None and self.scene.position.shape[2] == 3
 
 
 def packed(replays: Sequence[Replay]) -> str:
@@ -45,7 +47,7 @@ def packed(replays: Sequence[Replay]) -> str:
 def _scene(replay: Replay) -> dict[str, Any]:
     scene = replay.scene
     if scene is None:
-        return {"name": replay.name, "trouble": replay.trouble}
+        return {"name": replay.name, "trial": replay.trial, "trouble": replay.trouble}
     frames = len(scene.tint)
     series = np.concatenate(
         [np.zeros((frames, 0)), *(lines for lines in scene.series.values())], axis=1
@@ -55,11 +57,15 @@ def _scene(replay: Replay) -> dict[str, Any]:
         "tint": _whole(scene.tint),
         "said": None if scene.said is None else _whole(scene.said),
         "scale": None if scene.scale is None else _rounded(scene.scale),
+        "fresh": None if scene.fresh is None else _whole(scene.fresh),
+        "orientation": None if scene.orientation is None else _rounded(scene.orientation),
         "series": _rounded(series),
     }
     return {
         "name": replay.name,
+        "trial": replay.trial,
         "title": scene.title,
+        "axes": scene.position.shape[2],
         "bounds": list(map(float, scene.bounds)),
         "seconds": scene.frame_seconds,
         "frames": frames,
@@ -68,9 +74,19 @@ def _scene(replay: Replay) -> dict[str, Any]:
         "palette": list(scene.palette),
         "words": list(scene.words),
         "captions": list(scene.captions),
+        "chapters": _beginnings(scene.chapters),
         "lines": [[name, lines.shape[1]] for name, lines in scene.series.items()],
         "arrays": {name: array for name, array in arrays.items() if array is not None},
     }
+
+
+def _beginnings(chapters: Sequence[str]) -> list[tuple[int, str]]:
+    """The first frame of each chapter, and its name."""
+    return [
+        (frame, name)
+        for frame, name in enumerate(chapters)
+        if frame == 0 or name != chapters[frame - 1]
+    ]
 
 
 def _rounded(values: np.ndarray) -> dict[str, Any]:

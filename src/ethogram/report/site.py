@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from ethogram.core.errors import EthogramError
 from ethogram.report import drawings, tables, wording
+from ethogram.report.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
 from ethogram.report.replay import Replay, packed
@@ -52,41 +53,71 @@ def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
     yield f"{data}.html", _render("study.html", **shared, **_player(page.replays))
 
 
-def write_replay(file: Path, study: str, replay: Replay) -> None:
-    """Write a page of one replay, which can be sent to others as it is.
+def write_replay(file: Path, study: str, replays: Sequence[Replay]) -> None:
+    """Write a page of replays, which can be sent to others as it is.
 
     Raises:
-        EthogramError: the scene has three dimensions, or the file cannot be written or is there and
-            is no page of ours.
+        EthogramError: the file cannot be written, or is there and is no page of ours.
 
     """
-    if not replay.flat:
-        raise EthogramError(
-            f"{replay.name!r} has a scene in three dimensions, which cannot be shown."
-        )
-    title = replay.name if replay.scene is None else replay.scene.title
-    shown = _player([replay])
-    page = _render("replay.html", study=study, title=title, root="../", **shown)
-    publish_one(file, page)
+    publish_one(file, replay_page(study, replays))
+
+
+def replay_page(study: str | None, replays: Sequence[Replay]) -> str:
+    """A page of its own, on which replays can be played; the first one gives it its title.
+
+    Replays that are of no study stand alone on it, for a frame in another page.
+    """
+    first = replays[0]
+    title = first.name if first.scene is None else first.scene.title
+    shown = _player(replays)
+    template = "notebook.html" if study is None else "replay.html"
+    return _render(template, study=study, title=title, root="../", **shown)
+
+
+def write_comparison(file: Path, comparison: Comparison) -> None:
+    """Write a page with two runs side by side, which can be sent to others as it is.
+
+    Raises:
+        EthogramError: the file cannot be written, or is there and is no page of ours.
+
+    """
+    publish_one(file, _render("compare.html", comparison=comparison, root=""))
 
 
 def _player(replays: Sequence[Replay]) -> dict[str, object]:
     """Scenes and what shows them; a page without scenes has no script at all."""
-    flat = [replay for replay in replays if replay.flat]
-    shown = flat[:MOST_REPLAYS]
-    script = _script() if shown else ""
+    shown = _spread(replays)
+    script = _script(solid=any(replay.solid for replay in shown)) if shown else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return {
         "replays": Markup(packed(shown)) if shown else "",  # safe in a script element
-        "left_out": len(flat) - len(shown),
+        "left_out": len(replays) - len(shown),
         "player": Markup(script),
         "player_hash": f"sha256-{digest}",
     }
 
 
+def _spread(replays: Sequence[Replay]) -> list[Replay]:
+    """As many as a page can have: first trials before others, evenly from the first to the last."""
+    ranked = sorted(replays, key=lambda replay: replay.trial)  # stable: else in their order
+    firsts = [replay for replay in ranked if replay.trial == ranked[0].trial]
+    if len(firsts) <= MOST_REPLAYS:
+        return ranked[:MOST_REPLAYS]
+    last = len(firsts) - 1
+    return [firsts[round(at * last / (MOST_REPLAYS - 1))] for at in range(MOST_REPLAYS)]
+
+
 @cache
-def _script() -> str:
-    return resources.files("ethogram.report").joinpath("templates/replay.js").read_text()
+def _script(*, solid: bool) -> str:
+    """The player, with the library that draws in space only where it is needed."""
+    files = (
+        *(("vendor/three.js", "templates/space.js") if solid else ()),
+        "templates/plane.js",
+        "templates/replay.js",
+    )
+    folder = resources.files("ethogram.report")
+    return "\n".join(['"use strict";', *(folder.joinpath(file).read_text() for file in files)])
 
 
 def slug(name: str) -> str:

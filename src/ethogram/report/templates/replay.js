@@ -1,15 +1,34 @@
-"use strict";
-// One player for every scene in the plane. It draws what a scene holds and knows no world.
+// Plays recorded scenes. It reads what a page holds, keeps the time, and lets a stage draw:
+// `planeStage` or `spaceStage`. It knows no world.
 (() => {
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const HALF = 32767;
+  const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a87400", "#7d7d7d"];
+  const LANES = ["#009e73", "#cc79a7", "#a87400", "#7b4fb5", "#2b8ca3", "#7d7d7d"];
+  const MARKS = "ABCDEFGHIJ"; // of scenes side by side, as many as a page can have
   const root = document.getElementById("replay");
   const scenes = JSON.parse(document.getElementById("replay-scenes").textContent);
   const part = name => root.querySelector(`[data-part="${name}"]`);
-  const canvas = part("canvas"), chart = part("chart"), slider = part("frame");
-  const play = part("play"), caption = part("caption"), legend = part("legend");
-  const choice = part("scene"), speed = part("speed"), loop = part("loop"), error = part("error");
-  let scene = null, arrays = {}, frame = 0, playing = false, last = 0, owed = 0;
+  const flat = part("canvas"), solid = part("space"), chart = part("chart");
+  const slider = part("frame"), play = part("play"), caption = part("caption"), clock = part("clock");
+  const legend = part("legend"), choice = part("scene"), trial = part("trial");
+  const chapter = part("chapter"), beside = part("beside"), follow = part("follow");
+  const speed = part("speed"), loop = part("loop"), error = part("error");
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
+  const colour = tint => COLOURS[tint % COLOURS.length];
+  const laneColour = lane => LANES[lane % LANES.length];
+  const names = [...new Set(scenes.map(each => each.name))];
+  const stages = {}, read = new Map();
+  let cast = [], stage = null, frames = 0, frame = 0, playing = false, last = 0, owed = 0;
+  let asked = 0, look = null;
+
+  function theme() {
+    if (look) return look;
+    const style = getComputedStyle(root);
+    const value = name => style.getPropertyValue(`--${name}`).trim();
+    look = { ink: value("ink"), paper: value("paper"), muted: value("muted"), rule: value("rule") };
+    return look;
+  }
 
   async function numbers(stored, length, frames) {
     const bytes = Uint8Array.from(atob(stored.data), letter => letter.charCodeAt(0));
@@ -25,172 +44,177 @@
     return found;
   }
 
-  async function show(index) {
-    stop();
-    error.hidden = true;
-    const chosen = scenes[index];
-    let lines = 0;
+  // The arrays of a scene, which are unpacked once.
+  async function unpacked(scene) {
+    if (scene.trouble !== undefined) throw new Error(scene.trouble);
+    if (!(scene.frames > 0)) throw new Error("it has no frame");
+    if (read.has(scene)) return read.get(scene);
+    const count = scene.shapes.length;
+    const lengths = {
+      position: scene.axes * count, tint: count, said: count, scale: count, fresh: count,
+      orientation: 4 * count, series: lineCount(scene),
+    };
+    const arrays = {};
+    for (const [name, stored] of Object.entries(scene.arrays))
+      arrays[name] = await numbers(stored, lengths[name], scene.frames);
+    read.set(scene, arrays);
+    return arrays;
+  }
+
+  const lineCount = scene => scene.lines.reduce((sum, [, number]) => sum + number, 0);
+  const named = name => scenes.filter(each => each.name === name);
+
+  function stageFor(scene) {
+    const solidly = scene.axes === 3;
+    flat.hidden = solidly;
+    solid.hidden = !solidly;
+    for (const each of document.querySelectorAll("[data-only=space]")) each.hidden = !solidly;
+    if (!solidly) return stages.plane ??= planeStage(flat, colour, theme);
+    if (stages.space) return stages.space;
     try {
-      if (chosen.trouble !== undefined) throw new Error(chosen.trouble);
-      const count = chosen.shapes.length;
-      lines = chosen.lines.reduce((sum, [, number]) => sum + number, 0);
-      const lengths = { position: 2 * count, tint: count, said: count, scale: count, series: lines };
-      const loaded = {};
-      for (const [name, stored] of Object.entries(chosen.arrays))
-        loaded[name] = await numbers(stored, lengths[name], chosen.frames);
-      if (!(chosen.frames > 0)) throw new Error("it has no frame");
-      scene = chosen;
-      arrays = loaded;
-    } catch (reason) {
-      scene = null;
-      error.textContent = `This replay cannot be shown: ${reason.message}.`;
-      error.hidden = false;
+      stages.space = spaceStage(solid, theme, laneColour);
+    } catch {
+      throw new Error("pictures in space need WebGL, which this browser does not offer");
     }
-    slider.max = scene ? scene.frames - 1 : 0;
-    root.dataset.frames = scene ? scene.frames : 0;
-    chart.hidden = !scene || lines === 0;
-    if (scene) {
-      const [left, bottom, right, top] = scene.bounds;
-      canvas.style.aspectRatio = Math.min(4, Math.max(1, (right - left) / (top - bottom)));
+    stages.space.whenTurned(() => { if (!playing) paint(0); });
+    return stages.space;
+  }
+
+  // Shows the chosen scene, and those beside it.
+  async function show() {
+    stop();
+    const turn = ++asked; // a later choice may be ready before this one
+    const chosen = [named(choice.value)[trial.selectedIndex] ?? scenes[0]];
+    for (const box of beside.querySelectorAll("input:checked")) chosen.push(scenes[box.value]);
+    const found = [];
+    let reason = null;
+    try {
+      for (const scene of chosen)
+        found.push({ scene, arrays: await unpacked(scene), mark: MARKS[found.length] });
+      if (turn !== asked) return;
+      stage = stageFor(chosen[0]);
+      stage.show(found);
+      cast = found;
+    } catch (trouble) {
+      if (turn !== asked) return;
+      cast = [];
+      flat.hidden = false;
+      solid.hidden = true;
+      reason = trouble.message;
     }
+    error.hidden = reason === null;
+    error.textContent = reason === null ? "" : `This replay cannot be shown: ${reason}.`;
+    frames = Math.max(0, ...cast.map(each => each.scene.frames));
+    slider.max = Math.max(0, frames - 1);
+    root.dataset.frames = frames;
+    chart.hidden = !cast.some(each => lineCount(each.scene) > 0);
     describe();
     go(0);
   }
 
   function describe() {
     legend.replaceChildren();
-    if (!scene) return;
-    scene.palette.forEach((meaning, tint) => {
-      const item = document.createElement("li"), swatch = document.createElement("span");
-      swatch.className = "swatch";
-      swatch.style.background = colour(tint);
-      const text = document.createElement("span");
-      text.textContent = meaning;
-      text.dir = "auto";
-      item.append(swatch, text);
+    const add = (swatch, text) => {
+      const item = document.createElement("li"), spot = document.createElement("span");
+      spot.className = "swatch";
+      spot.style.background = swatch;
+      const words = document.createElement("span");
+      words.textContent = text;
+      words.dir = "auto";
+      item.append(spot, words);
       legend.append(item);
+    };
+    if (!cast.length) return;
+    const tones = stage.legend?.() ?? [];
+    cast[0].scene.palette.forEach((meaning, tint) => add(tones[tint] ?? colour(tint), meaning));
+    if (cast.length > 1)
+      cast.forEach(({ scene, mark }, lane) => add(laneColour(lane), `${mark}: ${titled(scene)}`));
+    const marks = cast.length === 1 ? cast[0].scene.chapters : [];
+    chapter.replaceChildren(...marks.map(([first, name]) => new Option(name, first)));
+    chapter.closest("label").hidden = marks.length < 2;
+    part("ticks").replaceChildren(...marks.map(([first]) => new Option("", first)));
+  }
+
+  const titled = scene => scene.name + (scene.trial > 1 ? `, trial ${scene.trial}` : "");
+
+  // What is plotted: all lines of one scene, or the first of each of several.
+  function curves() {
+    const several = cast.length > 1;
+    return cast.flatMap(({ scene, arrays }, lane) => {
+      const count = lineCount(scene);
+      return Array.from({ length: several ? Math.min(1, count) : count }, (_, line) => ({
+        colour: several ? laneColour(lane) : colour(line), frames: scene.frames,
+        value: at => arrays.series[at * count + line],
+      }));
     });
   }
 
-  const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a87400", "#7d7d7d"];
-  const colour = tint => COLOURS[tint % COLOURS.length];
-  const style = name => getComputedStyle(root).getPropertyValue(name).trim();
-
-  // Fits the bounds into the canvas, the same scale on both axes, y upwards.
-  function fit(surface) {
-    const density = window.devicePixelRatio || 1, width = surface.clientWidth;
-    const height = surface.clientHeight;
-    if (surface.width !== Math.round(width * density)) surface.width = Math.round(width * density);
-    if (surface.height !== Math.round(height * density))
-      surface.height = Math.round(height * density);
-    const pen = surface.getContext("2d");
-    pen.setTransform(density, 0, 0, density, 0, 0);
-    pen.clearRect(0, 0, width, height);
-    return { pen, width, height };
-  }
-
-  function draw() {
-    const { pen, width, height } = fit(canvas);
-    if (!scene) return;
-    const [left, bottom, right, top] = scene.bounds;
-    const unit = Math.min(width / (right - left), height / (top - bottom));
-    const x0 = (width - unit * (right - left)) / 2, y0 = (height - unit * (top - bottom)) / 2;
-    const count = scene.shapes.length, first = frame * count;
-    const x = shape => x0 + unit * (arrays.position[2 * (first + shape)] - left);
-    const y = shape => y0 + unit * (top - arrays.position[2 * (first + shape) + 1]);
-    const ink = style("--ink"), paper = style("--paper");
-    pen.font = `${Math.max(10, Math.min(13, width / 50))}px sans-serif`;
-    pen.textAlign = "center";
-    pen.textBaseline = "middle";
-    pen.lineWidth = 1;
-    pen.strokeStyle = style("--muted");
-    for (const [one, other] of scene.links) {
-      if (arrays.tint[first + one] < 0 || arrays.tint[first + other] < 0) continue;
-      pen.beginPath();
-      pen.moveTo(x(one), y(one));
-      pen.lineTo(x(other), y(other));
-      pen.stroke();
-    }
-    for (let shape = 0; shape < count; shape++) {
-      const tint = Math.round(arrays.tint[first + shape]);
-      if (tint < 0) continue;
-      const [kind, size, label] = scene.shapes[shape];
-      const radius = unit * size * (arrays.scale ? arrays.scale[first + shape] : 1);
-      pen.fillStyle = pen.strokeStyle = colour(tint);
-      pen.beginPath();
-      if (kind === "square") pen.rect(x(shape) - radius, y(shape) - radius, 2 * radius, 2 * radius);
-      else if (kind !== "text") pen.arc(x(shape), y(shape), Math.max(radius, 1), 0, 2 * Math.PI);
-      if (kind === "ring") pen.stroke();
-      else if (kind === "square") { pen.globalAlpha = 0.55; pen.fill(); pen.globalAlpha = 1; }
-      else pen.fill();
-      if (!label) continue;
-      const inside = kind === "circle" && pen.measureText(label).width < 2 * radius;
-      pen.fillStyle = inside ? "#ffffff" : ink;
-      pen.fillText(label, x(shape), inside || kind === "text" ? y(shape) : y(shape) - radius - 9);
-    }
-    if (!arrays.said) return;
-    for (let shape = 0; shape < count; shape++) {
-      const word = scene.words[Math.round(arrays.said[first + shape])];
-      if (word === undefined) continue;
-      const size = unit * scene.shapes[shape][1];
-      pen.font = "11px sans-serif"; // smaller where it would hide what a neighbour says
-      const room = Math.max(7, 11 * Math.min(1, 2.5 * size / pen.measureText(word).width));
-      pen.font = `${room}px sans-serif`;
-      const wide = pen.measureText(word).width + 4;
-      const middle = Math.min(Math.max(x(shape), wide / 2), width - wide / 2);
-      const above = Math.max(y(shape) - size - 12, 9);
-      pen.fillStyle = ink;
-      pen.fillRect(middle - wide / 2, above - 8, wide, 16);
-      pen.fillStyle = paper;
-      pen.fillText(word, middle, above);
-    }
-  }
-
   function plot() {
-    if (!scene || chart.hidden) return;
-    const { pen, width, height } = fit(chart);
-    const lines = scene.lines.reduce((sum, [, number]) => sum + number, 0), series = arrays.series;
+    if (!cast.length || chart.hidden) return;
+    const { pen, width, height } = fitted(chart);
+    const lines = curves();
     let low = Infinity, high = -Infinity;
-    for (const value of series) { low = Math.min(low, value); high = Math.max(high, value); }
+    for (const { frames, value } of lines)
+      for (let at = 0; at < frames; at++) {
+        low = Math.min(low, value(at));
+        high = Math.max(high, value(at));
+      }
     if (!(high > low)) high = low + 1;
-    const x = at => 34 + (width - 40) * at / Math.max(1, scene.frames - 1);
+    const x = at => 44 + (width - 50) * at / Math.max(1, frames - 1);
     const y = value => height - 8 - (height - 24) * (value - low) / (high - low);
+    const titles = cast[0].scene.lines.map(([name]) => name);
     pen.font = "10px sans-serif";
-    pen.fillStyle = style("--muted");
+    pen.fillStyle = theme().muted;
     pen.textAlign = "right";
-    pen.fillText(high.toPrecision(3), 32, y(high) + 4);
-    pen.fillText(low.toPrecision(3), 32, y(low));
+    pen.fillText(+high.toPrecision(3), 40, y(high) + 4);
+    pen.fillText(+low.toPrecision(3), 40, y(low));
     pen.textAlign = "left";
-    pen.fillText(scene.lines.map(([name]) => name).join(", "), 36, 9);
+    pen.fillText(cast.length > 1 ? titles[0] : titles.join(", "), 46, 9);
     pen.lineWidth = 1.2;
-    for (let line = 0; line < lines; line++) {
-      pen.strokeStyle = colour(line);
+    for (const line of lines) {
+      pen.strokeStyle = line.colour;
       pen.beginPath();
-      for (let at = 0; at < scene.frames; at++) pen.lineTo(x(at), y(series[at * lines + line]));
+      for (let at = 0; at < line.frames; at++) pen.lineTo(x(at), y(line.value(at)));
       pen.stroke();
     }
-    pen.strokeStyle = style("--ink");
+    pen.strokeStyle = theme().ink;
     pen.beginPath();
     pen.moveTo(x(frame), 12);
     pen.lineTo(x(frame), height - 4);
     pen.stroke();
   }
 
-  function go(to) {
-    const end = scene ? scene.frames - 1 : 0;
-    frame = Math.max(0, Math.min(end, to));
+  const paint = share => { if (cast.length) stage.draw(frame, still.matches ? 0 : share); };
+
+  // What the caption says; side by side, of each.
+  function moment() {
+    const said = cast.map(({ scene, mark }) => {
+      const words = scene.captions[Math.min(frame, scene.frames - 1)] ?? "";
+      return cast.length > 1 ? `${mark} ${words}` : words;
+    });
+    return said.join("; ");
+  }
+
+  function go(to, share = 0) {
+    frame = Math.max(0, Math.min(Math.max(0, frames - 1), to));
+    const words = moment();
     slider.value = frame;
-    slider.setAttribute("aria-valuetext", scene ? scene.captions[frame] : "");
+    slider.setAttribute("aria-valuetext", words);
     root.dataset.frame = frame;
-    const seconds = scene ? (frame * scene.seconds).toFixed(1) : "0.0";
-    caption.textContent = scene ? `${scene.captions[frame]} (${seconds} s)` : "";
-    draw();
+    caption.textContent = words;
+    const second = at => (at * (cast[0]?.scene.seconds ?? 0)).toFixed(1);
+    clock.textContent = `${second(frame)} of ${second(Math.max(0, frames - 1))} s`;
+    if (chapter.options.length > 1) {
+      const marks = cast[0].scene.chapters;
+      chapter.selectedIndex = marks.findLastIndex(([first]) => first <= frame);
+    }
+    paint(share);
     plot();
   }
 
   function start() {
-    if (!scene) return;
-    if (frame === scene.frames - 1) go(0);
+    if (!cast.length) return;
+    if (frame === frames - 1) go(0);
     playing = true;
     last = performance.now();
     owed = 0;
@@ -199,22 +223,25 @@
   }
 
   function stop() {
+    const moved = playing;
     playing = false;
     play.textContent = "Play";
+    if (moved) paint(0);
   }
 
   function tick(now) {
     if (!playing) return;
-    owed += (now - last) / 1000 * SPEEDS[speed.selectedIndex] / scene.seconds;
+    const passed = Math.max(0, now - last) / 1000; // the first frame may have begun before the click
+    owed += passed * SPEEDS[speed.selectedIndex] / cast[0].scene.seconds;
     last = now;
     const steps = Math.floor(owed);
     owed -= steps;
     if (steps > 0) {
-      const to = frame + steps, end = scene.frames - 1;
-      if (to > end && loop.checked) go(to % (end + 1));
-      else go(to);
-      if (frame === end && !loop.checked) return stop();
-    }
+      const to = frame + steps;
+      if (to > frames - 1 && loop.checked) go(to % frames, owed);
+      else go(to, owed);
+      if (frame === frames - 1 && !loop.checked) return stop();
+    } else paint(owed);
     requestAnimationFrame(tick);
   }
 
@@ -226,23 +253,55 @@
     PageDown: () => step(10), PageUp: () => step(-10),
     Home: () => step(-Infinity), End: () => step(Infinity),
   };
+
+  function pressed(event) {
+    const control = event.target.closest("button, select, summary, input[type=checkbox]");
+    if (control && [" ", "Enter"].includes(event.key) || event.target.matches("select")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const act = keys[event.key] ?? (stage === stages.space && stage?.keys[event.key]);
+    if (!act) return;
+    event.preventDefault();
+    act();
+    if (!(event.key in keys)) paint(0);
+  }
+
+  // The trials of the chosen case, and the cases that can stand beside it.
+  function chosen() {
+    const same = named(choice.value);
+    trial.replaceChildren(...same.map(each => new Option(each.trial ?? 1)));
+    trial.closest("label").hidden = same.length < 2;
+    const others = scenes.filter(each => each.axes === 3 && !same.includes(each));
+    beside.closest("details").hidden = same[0]?.axes !== 3 || others.length === 0;
+    beside.replaceChildren(...others.map(each => {
+      const label = document.createElement("label"), box = document.createElement("input");
+      box.type = "checkbox";
+      box.value = scenes.indexOf(each);
+      label.append(box, ` ${titled(each)}`);
+      label.dir = "auto";
+      return label;
+    }));
+    show();
+  }
+
   play.addEventListener("click", toggle);
   part("back").addEventListener("click", () => step(-1));
   part("on").addEventListener("click", () => step(1));
   slider.addEventListener("input", () => { stop(); go(Number(slider.value)); });
-  choice.addEventListener("change", () => show(choice.selectedIndex));
-  root.addEventListener("keydown", event => {
-    const control = event.target.closest("button, select, input[type=checkbox]");
-    if (control && event.key === " " || event.target === choice || event.target === speed) return;
-    if (event.ctrlKey || event.metaKey || event.altKey || !(event.key in keys)) return;
-    event.preventDefault();
-    keys[event.key]();
-  });
-  new ResizeObserver(() => go(frame)).observe(canvas);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => go(frame));
-  scenes.forEach(each => choice.add(new Option(each.name)));
+  choice.addEventListener("change", chosen);
+  for (const each of [trial, beside]) each.addEventListener("change", show);
+  chapter.addEventListener("change", () => { stop(); go(Number(chapter.value)); });
+  follow.addEventListener("change", () => { stages.space?.follow(follow.checked); paint(0); });
+  root.addEventListener("keydown", pressed);
+  solid.addEventListener("focus", () => stages.space?.zoom(true));
+  solid.addEventListener("blur", () => stages.space?.zoom(false));
+  solid.addEventListener("pointerdown", () => solid.focus({ preventScroll: true }));
+  const redraw = () => { look = null; if (cast.length) { stage.restyle?.(); go(frame); } };
+  const resized = new ResizeObserver(() => go(frame));
+  for (const each of [flat, solid]) resized.observe(each);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  choice.replaceChildren(...names.map(name => new Option(name)));
   SPEEDS.forEach(each => speed.add(new Option(`${each} ×`)));
   speed.selectedIndex = SPEEDS.indexOf(1);
   root.hidden = false;
-  show(0);
+  chosen();
 })();

@@ -1,6 +1,7 @@
 """Run a case: train who learns, then watch the system of every trial, year by year."""
 
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from ethogram.campaign.context import Context
 from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.rollout import Policy
+from ethogram.core.scene import RECORDED, Scene, grouped
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.core.world import PerRole, World
 from ethogram.learners.qlearning import Learned, QLearning
@@ -86,7 +88,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
 
     Returns:
         `results` (dimensions trial, year, author, journal, bin, episode) and, under the default
-        reading, `scene`, the first trial.
+        reading, as `scene`, `scene-2`, ..., the first trials.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -106,11 +108,16 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     played = jax.tree.map(np.asarray, watched)
     found = {"results": _label(settings, played, curve)}
     if condition.reading == DEFAULT:
-        first = jax.tree.map(lambda part: part[0], played)
-        quality, impact = first.author_quality, first.years.indicators["impact_factor"]
-        impact = np.concatenate([first.start.indicators["impact_factor"][None], impact[:-1]])
-        found["scene"] = record(condition.words, quality, impact, first.steps).to_dataset()
+        first = min(RECORDED, settings.trials)
+        found |= grouped([_scene(condition.words, played, trial) for trial in range(first)])
     return found
+
+
+def _scene(words: str, played: Played, trial: int) -> Scene:
+    seen = jax.tree.map(itemgetter(trial), played)
+    impact = seen.years.indicators["impact_factor"]  # at the end of each year; known in the next
+    impact = np.concatenate([seen.start.indicators["impact_factor"][None], impact[:-1]])
+    return record(words, seen.author_quality, impact, seen.steps)
 
 
 class Always(eqx.Module):

@@ -38,7 +38,7 @@ from ethogram.worlds.publishing.policies import (
 )
 
 NAME = "publishing"
-VERSION = "2"  # goes up whenever the same settings would give other numbers
+VERSION = "3"  # goes up whenever the same settings would give other numbers
 
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 

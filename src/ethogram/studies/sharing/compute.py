@@ -1,5 +1,6 @@
 """Run a case: train its trials side by side, then watch them play greedily."""
 
+from operator import itemgetter
 from typing import Any
 
 import jax
@@ -13,6 +14,7 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.scene import RECORDED, grouped
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train
@@ -52,8 +54,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Train and validate all trials of a case.
 
     Returns:
-        `results` (dimensions trial, point, episode, agent, step, act) and `scene`, the first
-        trial's first validation episode.
+        `results` (dimensions trial, point, episode, agent, step, act) and, as `scene`, `scene-2`,
+        ..., the first validation episode of the first trials.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -67,9 +69,11 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     random = jnp.float32(settings.strategy == "random")
     watched = watch(learner, learned, fold_in(keys, 1), settings.validation_episodes, random)
     watched = jax.tree.map(np.asarray, watched)
-    first = jax.tree.map(lambda part: part[0], watched.first)
-    scene = record(first.state, first.reward, settings.world.resources)
-    return {"results": _label(curves, watched, settings), "scene": scene.to_dataset()}
+    scenes = []
+    for trial in range(min(RECORDED, settings.trials)):
+        seen = jax.tree.map(itemgetter(trial), watched.first)
+        scenes.append(record(seen.state, seen.reward, settings.world.resources))
+    return {"results": _label(curves, watched, settings), **grouped(scenes)}
 
 
 def _agent_steps(settings: Settings) -> int:

@@ -38,6 +38,8 @@ from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import InvalidSettings
+from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box, Simplex
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -169,6 +171,13 @@ class Language(World):
             "mover": jnp.concatenate([offset, velocity, heard], -1),
             "talker": jnp.concatenate([known, goal], -1),
         }
+
+    def scene(self, trajectory: Transition) -> Scene:
+        """The first episode: its start, and the state reached in each step."""
+        from ethogram.worlds.language.scene import record  # which knows this module
+
+        episode = first_episode(trajectory)
+        return record(jax.tree.map(lambda part: part[0], episode.before), episode.state)
 
     def _executed(self, action: PerRole) -> PerRole:
         if self.execution == "soft":

@@ -21,7 +21,7 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
-from ethogram.core.batching import add, put, take
+from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.keys import branch, scaled, unit, words
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018, Sources
@@ -38,7 +38,7 @@ Assignment = Literal["two_phase", "online", "random"]
 Scale = Literal["linear", "none"]
 AIMS = {of: np.array(counts) / sum(counts) for of, counts in IMPACT_2018.items()}
 BINS = len(AIMS["journals"])
-FEW = 64  # papers, the first, that may have to cite nearly all before them
+FEW = 32  # papers, the first, that may have to cite nearly all before them
 
 
 def power_law(
@@ -136,27 +136,33 @@ def place(
     counts = (cited >= 0) & (year[:, None] == last) & before  # citations that count
     received = add(jnp.zeros(papers, jnp.int32), jnp.maximum(cited, 0), counts.astype(jnp.int32))
     known = assign == "two_phase"
-    chance = jax.random.uniform(for_order, (papers,))
-    order = jnp.lexsort((chance, year == last)) if known else jnp.arange(papers)
-    ties = jax.random.uniform(for_ties, (papers, journals))
+    # the papers of the last year last: they count for nothing yet, and stay where they are
+    chance = unit(words(for_order, papers))
+    order = jnp.argsort(chance + 2.0 * (year == last)) if known else jnp.arange(papers)
+    count = (year < last).sum() if known else jnp.int32(papers)
+    ties = unit(words(for_ties, papers, journals))
     aim = jnp.asarray(journals * AIMS[sources])
 
-    def settle(so_far: _Placed, at: tuple[Array, Array, Array, Array]) -> tuple[_Placed, Array]:
-        paper, tie, gain, one = at
+    def settle(at: tuple[_Placed, Array]) -> tuple[_Placed, Array]:
+        so_far, done = at
+        paper = take(order, jnp.minimum(done, papers - 1))
         if not known:  # it brings its citations of those that were placed
             brought = so_far.received.at[so_far.journal[cited[paper]]].add(counts[paper])
             so_far = so_far._replace(received=brought)
-        chosen = _nearest(tie, so_far, gain, one, aim)
-        return _join(so_far, paper, chosen, gain, one, remember=not known), chosen
+        one = (take(year, paper) < last).astype(jnp.int32)
+        gain = one * take(received, paper) * known
+        chosen = _nearest(ties[done], so_far, gain, one, aim)
+        joins = jnp.arange(journals) == chosen
+        return _Placed(
+            put(so_far.journal, jnp.where(done < count, paper, papers), chosen),  # beyond: dropped
+            so_far.received + joins * gain,
+            so_far.papers + joins * one,
+        ), done + 1
 
-    one = (take(year, order) < last).astype(jnp.int32)
-    gain = one * take(received, order) * known
     nothing = jnp.zeros(journals, jnp.int32)
-    start = _Placed(nothing[:0] if known else anywhere, nothing, nothing)
-    _, chosen = lax.scan(settle, start, (order, ties, gain, one))
-    if not known:
-        return chosen
-    return put(anywhere, jnp.where(one > 0, order, papers), chosen)  # beyond: dropped
+    begin = _Placed(anywhere, nothing, nothing), jnp.int32(0)
+    placed, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), settle, begin)
+    return placed.journal
 
 
 class _Placed(NamedTuple):
@@ -165,20 +171,6 @@ class _Placed(NamedTuple):
     journal: Int[Array, "paper"]
     received: Int[Array, "journal"]  # citations that count
     papers: Int[Array, "journal"]  # that count
-
-
-def _join(
-    so_far: _Placed,
-    paper: Int[Array, ""],
-    chosen: Int[Array, ""],
-    gain: Int[Array, ""],
-    one: Int[Array, ""],
-    *,
-    remember: bool,
-) -> _Placed:
-    joins = jnp.arange(len(so_far.papers)) == chosen
-    journal = so_far.journal.at[paper].set(chosen) if remember else so_far.journal
-    return _Placed(journal, so_far.received + joins * gain, so_far.papers + joins * one)
 
 
 def _nearest(

@@ -27,6 +27,8 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 
 from ethogram.core.keys import branch
+from ethogram.core.rollout import Transition
+from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.worlds.publishing.policies import Ranking, RolePolicy
@@ -107,6 +109,13 @@ class Learnable(World):
             terminated={self.learns: outcome.terminated[self.learns]},
             truncated={self.learns: outcome.truncated[self.learns]},
             metrics=outcome.metrics,
+        )
+
+    def scene(self, trajectory: Transition) -> Scene:
+        """That of the system; ambition and selectivity show in what is submitted and accepted."""
+        systems = trajectory.before.system, trajectory.state.system
+        return self.system.scene(
+            eqx.tree_at(lambda step: (step.before, step.state), trajectory, systems)
         )
 
     def _apply(self, key: Key[Array, ""], level: Int[Array, "agent"], seen: Any) -> Array:

@@ -25,7 +25,7 @@ from ethogram.core.keys import branch, scaled, unit, words
 LEVELS = 2**14  # of quality, from 0 to the largest
 INITIAL_YEARS = 3  # -2, -1, 0: a block each
 
-TOGETHER = 32  # drafts that are served at once: in most steps, most authors wait
+TOGETHER = 40  # drafts that are served at once: in most steps, most authors wait
 
 Found = tuple[Array, Array]  # papers, draft by draft, and how many of them there are
 # For a key and some drafts: papers that these would cite, with repetitions; -1, rarely, for none.
@@ -175,8 +175,8 @@ def draw(
         for_block, for_paper = words(key, 2, draws, len(drafts))
         anywhere = jnp.zeros_like(for_block, jnp.int32), len(blocks), len(blocks)
         block = first_beyond(reach, unit(for_block) * reach[-1], *anywhere)
-        mass = literature.total[block]
-        first, end = literature.start[block], literature.start[block + 1]
+        mass = take(literature.total, block)
+        first, end = take(literature.start, block), take(literature.start, block + 1)
         paper = first_beyond(literature.prefix, scaled(for_paper, mass), first, end, largest)
         return jnp.where(mass > 0, paper, -1)
 
@@ -282,5 +282,6 @@ def distinct_of_few(
 
 def chosen_first(chosen: Bool[Array, "item"]) -> Int[Array, "item"]:
     """The numbers of all items, those chosen first, each part in order."""
-    place = jnp.where(chosen, jnp.cumsum(chosen), chosen.sum() + jnp.cumsum(~chosen)) - 1
-    return put(jnp.zeros_like(place), place, jnp.arange(len(place)))
+    number, so_far = jnp.arange(len(chosen)), jnp.cumsum(chosen)
+    place = jnp.where(chosen, so_far - 1, so_far[-1] + number - so_far)
+    return put(jnp.zeros_like(number), place, number)

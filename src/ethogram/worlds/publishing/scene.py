@@ -6,6 +6,7 @@ step is two frames: drafts with their authors, then where they were sent, accept
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -52,7 +53,7 @@ def record(
     impact: Float[np.ndarray, "year journal"],
     steps: Glimpse,
 ) -> Scene:
-    """Draw up a trial.
+    """Draw up a trial of whole years.
 
     Args:
         words: what it shows.
@@ -61,28 +62,38 @@ def record(
         steps: arrays with years and steps as leading axes.
 
     """
+    years, per_year, _ = steps.choice.shape
+    flat = jax.tree.map(lambda part: np.asarray(part).reshape(-1, part.shape[-1]), steps)
+    known = np.repeat(impact, per_year, 0)
+    return record_steps(words, quality, known, flat, np.arange(years * per_year), per_year)
+
+
+def record_steps(
+    words: str,
+    quality: Float[np.ndarray, "author"],
+    impact: Float[np.ndarray, "step journal"],
+    steps: Glimpse,
+    time: Int[np.ndarray, "step"],
+    per_year: int,
+) -> Scene:
+    """Draw up steps, of any part of a trial.
+
+    Args:
+        words: what they show.
+        quality: of all authors.
+        impact: factors that are known in each step, not a number where undefined.
+        steps: arrays with the steps as leading axis.
+        time: steps that were taken before each of them.
+        per_year: how many steps make a year.
+
+    """
     choice, accepted, papers = map(np.asarray, (steps.choice, steps.accepted, steps.papers))
-    years, journals = impact.shape
-    per_year = choice.shape[1]
+    count, journals = impact.shape
     shown = len(np.asarray(chosen(jnp.asarray(quality))))
-    frames = 2 * years * per_year
-    rank = np.argsort(np.argsort(np.where(np.isnan(impact), -np.inf, impact), 1, "stable"), 1)
-    across = _spread(journals)[rank]  # year, journal
-    sites = np.stack([across, np.full_like(across, HEIGHT)], -1)
-    sites = np.repeat(sites, 2 * per_year, 0)
+    frames = 2 * count
+    sites = _sites(impact)
     homes = np.stack([_spread(shown), np.zeros(shown)], -1)
-
-    choice, accepted = choice.reshape(-1, shown), accepted.reshape(-1, shown)
-    sent = choice > 0
-    drafts = np.empty((frames, shown, 2))
-    drafts[0::2] = homes + np.array([0.0, AUTHOR + 2 * DRAFT])
-    goal = np.take_along_axis(sites[1::2], np.maximum(choice - 1, 0)[..., None], 1)
-    drafts[1::2] = np.where(sent[..., None], goal + _around(shown), drafts[0::2])
-    tint = np.empty((frames, shown), int)
-    tint[0::2] = DRAFTED
-    tint[1::2] = np.where(accepted, ACCEPTED, np.where(sent, REJECTED, DRAFTED))
-
-    papers = papers.reshape(-1, journals)
+    drafts, tint = _drafts(homes, sites, choice, accepted)
     size = np.repeat(np.sqrt(papers / max(1, papers.max())), 2, 0)  # areas tell numbers
     total = papers.sum(1)
     published = np.diff(total, prepend=total[0])  # in each step; of the first it is not known
@@ -98,18 +109,52 @@ def record(
             *(Shape("circle", AUTHOR) for _ in range(shown)),
             *(Shape("circle", DRAFT) for _ in range(shown)),
         ),
-        position=np.concatenate([sites, standing, drafts], 1),
+        position=np.concatenate([np.repeat(sites, 2, 0), standing, drafts], 1),
         tint=np.concatenate(
             [np.full((frames, journals), len(PALETTE) - 1), np.zeros((frames, shown), int), tint], 1
         ),
         scale=np.concatenate([np.maximum(size, 0.15), fixed, fixed], 1),
+        fresh=np.concatenate([np.zeros((frames, journals + shown), bool), _begun(tint)], 1),
         captions=tuple(
             f"year {1 + step // per_year}, step {1 + step % per_year}"
-            for step in range(years * per_year)
+            for step in time.tolist()
             for _ in range(2)
         ),
+        chapters=tuple(f"year {1 + step // per_year}" for step in time.tolist() for _ in range(2)),
         series={"papers published": np.repeat(published, 2)[:, None].astype(float)},
     )
+
+
+def _sites(impact: Float[np.ndarray, "step journal"]) -> Float[np.ndarray, "step journal axis"]:
+    """Where journals stand, in the order of their impact factors, those without one first."""
+    rank = np.argsort(np.argsort(np.where(np.isnan(impact), -np.inf, impact), 1, "stable"), 1)
+    across = _spread(impact.shape[1])[rank]
+    return np.stack([across, np.full_like(across, HEIGHT)], -1)
+
+
+def _drafts(
+    homes: Float[np.ndarray, "shown axis"],
+    sites: Float[np.ndarray, "step journal axis"],
+    choice: Int[np.ndarray, "step shown"],
+    accepted: Bool[np.ndarray, "step shown"],
+) -> tuple[Float[np.ndarray, "frame shown axis"], Int[np.ndarray, "frame shown"]]:
+    """Where drafts are, with their authors and then where they were sent, and their tints."""
+    sent = choice > 0
+    drafts = np.empty((2 * len(choice), *homes.shape))
+    drafts[0::2] = homes + np.array([0.0, AUTHOR + 2 * DRAFT])
+    goal = np.take_along_axis(sites, np.maximum(choice - 1, 0)[..., None], 1)
+    drafts[1::2] = np.where(sent[..., None], goal + _around(len(homes)), drafts[0::2])
+    tint = np.empty(drafts.shape[:2], int)
+    tint[0::2] = DRAFTED
+    tint[1::2] = np.where(accepted, ACCEPTED, np.where(sent, REJECTED, DRAFTED))
+    return drafts, tint
+
+
+def _begun(tint: Int[np.ndarray, "frame shown"]) -> Bool[np.ndarray, "frame shown"]:
+    """Whether a draft is a new one: those that were rejected go back to their authors."""
+    begun = np.zeros(tint.shape, bool)
+    begun[2::2] = tint[1:-1:2] != REJECTED
+    return begun
 
 
 def _spread(count: int) -> Float[np.ndarray, "place"]:

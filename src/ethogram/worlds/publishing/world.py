@@ -25,6 +25,7 @@ from typing import Annotated, Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Bool, Float, Int, Key
@@ -34,6 +35,8 @@ from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.errors import TooLarge
 from ethogram.core.keys import branch, gaussian, unit, words
 from ethogram.core.memory import readable_count, require_memory
+from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -81,9 +84,7 @@ class State(eqx.Module):
     standing: Standing
     literature: Literature
     qualities: Qualities
-    window: Int[
-        Array, "journal 2"
-    ]  # papers of the year before this one, and of the one before that
+    window: Int[Array, "journal 2"]  # papers of the year before, and of the one before that
     this_year: Int[Array, "journal"]  # papers
     received: Int[Array, "journal"]  # citations this year of papers in the window
     impact: Float[Array, "journal"]  # of the last complete year
@@ -256,6 +257,20 @@ class Publishing(World):
                 "choice": choice,
                 "accepted": (choice > 0) & (after.drafts.rejections == 0),
             },
+        )
+
+    def scene(self, trajectory: Transition) -> Scene:
+        """The steps of the first episode, two frames each: what is written, what becomes of it."""
+        from ethogram.worlds.publishing.scene import glimpse, record_steps  # they know this module
+
+        episode = first_episode(trajectory)
+        return record_steps(
+            f"{self.authors} authors, {self.journals} journals",
+            np.asarray(episode.state.quality[0]),
+            np.asarray(episode.before.impact),
+            jax.vmap(glimpse)(episode.outcome, episode.state),
+            np.asarray(episode.before.time),
+            self.steps_per_year,
         )
 
     def year(self, state: State) -> Int[Array, ""]:

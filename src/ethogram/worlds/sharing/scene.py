@@ -10,13 +10,19 @@ AGENT, RESOURCE = 0.35, 1.2  # radius and half an edge; agents stand one unit ap
 FRAME_SECONDS = 0.4
 
 
-def record(states: State, reward: Float[np.ndarray, "step agent"], resources: int) -> Scene:
+def record(
+    states: State,
+    reward: Float[np.ndarray, "step agent"],
+    resources: int,
+    title: str = "Sharing: one validation episode",
+) -> Scene:
     """Draw up an episode from the states it reached.
 
     Args:
         states: arrays with the steps as leading axis.
         reward: what each agent earned in each of them.
         resources: how many resources there are.
+        title: of the scene.
 
     """
     place, wish, spoke = (
@@ -30,7 +36,7 @@ def record(states: State, reward: Float[np.ndarray, "step agent"], resources: in
     speech = np.where(spoke, (place == wish) * resources + wish - 1, -1)
     quiet = np.full((steps, resources), -1)
     return Scene(
-        title="Sharing: one validation episode",
+        title=title,
         bounds=(across[0] - 3, -1.0, across[-1] + 3, 6.0 + agents / 4),
         frame_seconds=FRAME_SECONDS,
         palette=("a resource", *(f"wants resource {j + 1}" for j in range(resources))),

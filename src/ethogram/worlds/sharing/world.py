@@ -27,12 +27,15 @@ from typing import Annotated, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import TooLarge, UnknownName
 from ethogram.core.memory import readable_count
+from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.scene import Scene
 from ethogram.core.settings import setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, World
@@ -138,6 +141,14 @@ class Sharing(World):
             truncated={"agent": never if self.terminal else over},
             metrics={"filling": counted.filling},
         )
+
+    def scene(self, trajectory: Transition) -> Scene:
+        """The states that the first episode reached, one per step."""
+        from ethogram.worlds.sharing.scene import record  # which knows this module
+
+        episode = first_episode(trajectory)
+        reward = np.asarray(episode.outcome.reward["agent"])
+        return record(episode.state, reward, self.resources, title="Sharing: one episode")
 
     def _earn(self, state: State, counted: Census) -> Float[Array, "agent"]:
         pays = reward_of_filling(

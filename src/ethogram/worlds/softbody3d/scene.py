@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -12,6 +13,7 @@ FRAME_SECONDS = 0.05  # at normal speed: slow motion
 CHANGED = 0.02  # of the edge at rest: from here on a voxel counts as contracted or expanded
 PALETTE = ("contracted", "at rest", "expanded")
 MILLIMETRES = 1000.0
+MOST_STEPS = 200  # of an episode, that are shown after its start
 
 
 class Pose(NamedTuple):
@@ -25,6 +27,26 @@ class Pose(NamedTuple):
 def pose(state: State) -> Pose:
     """What a scene needs of a state."""
     return Pose(state.position, state.orientation, state.edge)
+
+
+def shown(before: State, reached: State) -> tuple[Pose, int]:
+    """What is shown of an episode, and how many steps lie between two frames.
+
+    The first frame is the start; a robot that breaks is shown as long as it is whole.
+
+    Args:
+        before: the states that were left, with the steps as leading axis.
+        reached: those that were reached.
+
+    """
+    apart = -(-len(reached.steps) // MOST_STEPS)
+
+    def some(start: Any, rest: Any) -> np.ndarray:
+        return np.concatenate([start[:1], rest])[::apart]
+
+    frames = jax.tree.map(some, pose(before), pose(reached))
+    whole = ~some(before.broken, reached.broken)
+    return jax.tree.map(lambda part: part[whole], frames), apart
 
 
 def record(title: str, frames: Pose, *, resting: float, seconds: float) -> Scene:

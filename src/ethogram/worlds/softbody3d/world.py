@@ -25,12 +25,15 @@ from jaxtyping import Float, Int, Key
 from pydantic import AfterValidator, Field
 
 from ethogram.core.errors import EthogramError, InvalidSettings
+from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.physics.beams3d import Lattice, Material, State, at_rest, centre, lattice, step
 from ethogram.worlds.softbody3d.bodies import BODIES, Body, cells_of, layers
 from ethogram.worlds.softbody3d.gravity import Program, program
+from ethogram.worlds.softbody3d.scene import record, shown
 from ethogram.worlds.softbody3d.sensors import CLOCK, PER_VOXEL, Scale, Sensors, flatten, sense
 
 ROLE = "robot"
@@ -130,6 +133,17 @@ class SoftBody3D(World):
             reward={ROLE: jnp.where(after.broken, 0.0, made)[None]},
             terminated={ROLE: after.broken[None]},
             truncated={ROLE: (after.steps >= self.steps)[None]},
+        )
+
+    def scene(self, trajectory: Transition) -> Scene:
+        """The first episode: its start, and states evenly spread over it (see `scene.shown`)."""
+        episode = first_episode(trajectory)
+        frames, apart = shown(episode.before, episode.state)
+        return record(
+            f"Soft robot: {self.body}",
+            frames,
+            resting=float(self.material.edge),
+            seconds=apart * float(self.material.time_step),
         )
 
     def sense(self, state: State) -> Sensors:

@@ -1,0 +1,223 @@
+"""Frames of a scene as pictures: what the player on pages shows, on white paper.
+
+From top to bottom: the title, the scene, the frame's caption, the numbers of all frames with a mark
+at this one, and what the colours mean.  Scenes in the plane look as in `templates/plane.js`; those
+in space are drawn by `bodies`.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image
+
+from ethogram.core.errors import EthogramError
+from ethogram.core.scene import Scene
+from ethogram.report import bodies
+from ethogram.report.pen import INK, MUTED, PAPER, RULE, Pen, colour, fitted, measure
+
+WIDTH, NARROWEST = 640, 100  # pixels of a picture
+MARGIN = 8
+LINE = 18  # height of a line of text
+CHART = 72
+TEXT, SMALL, WORD, TINY = 12.0, 10.0, 11.0, 6.5  # sizes of letters
+MOST_HEIGHT = 0.75  # of a scene, of its width
+IN_SPACE = 16 / 9  # width over height of a scene in space
+HALF_SEEN = "8c"  # 55 %, of squares
+AXIS = 52  # room for numbers left of the chart
+
+
+def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
+    """Draw one frame; all frames of a scene have the same size, and its numbers are even.
+
+    Args:
+        scene: in the plane or in space.
+        frame: which, from 0.
+        width: of the picture (pixels), made even.
+
+    Raises:
+        EthogramError: there is no such frame, or no room to draw it.
+
+    """
+    if not 0 <= frame < len(scene.tint):
+        raise EthogramError(f"Scene {scene.title!r} has no frame {frame}.")
+    if width < NARROWEST:
+        raise EthogramError(f"A picture {width} pixels wide is too narrow: {NARROWEST} or more.")
+    width -= width % 2
+    room = width - 2 * MARGIN
+    stage = _stage(scene, frame, room)
+    legend = _legend(scene, room)
+    chart = CHART if any(lines.shape[1] for lines in scene.series.values()) else 0
+    height = MARGIN + LINE + stage.height + LINE + 4 + chart + LINE * len(legend) + MARGIN
+    sheet = Pen(width, height + height % 2)
+    sheet.text((MARGIN, MARGIN + 7), fitted(scene.title, TEXT, room), TEXT, INK, anchor="lm")
+    y = MARGIN + LINE
+    sheet.paste(stage, (MARGIN, y))
+    y += stage.height
+    _write_moment(sheet, scene, frame, y + 12)
+    y += LINE + 4
+    if chart:
+        plot = Pen(room, chart)
+        _plot(plot, scene, frame)
+        sheet.paste(plot, (MARGIN, y))
+    y += chart + LINE // 2
+    for row in legend:
+        for x, look, meaning in row:
+            left = MARGIN + x
+            sheet.box(((left, y - 5), (left + 10, y + 5)), look)
+            sheet.text((left + 15, y), meaning, SMALL, INK, anchor="lm")
+        y += LINE
+    return sheet.picture()
+
+
+def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
+    """The caption, and at the right for how long of how many seconds the scene has been shown."""
+    last, seconds = len(scene.tint) - 1, scene.frame_seconds
+    clock = f"{frame * seconds:.1f} of {last * seconds:.1f} s"
+    room = sheet.width - 3 * MARGIN - measure(clock, SMALL)
+    sheet.text((sheet.width - MARGIN, y), clock, SMALL, MUTED, anchor="rm")
+    caption = fitted(scene.captions[frame], TEXT, max(room, 0.0))
+    sheet.text((MARGIN, y), caption, TEXT, INK, anchor="lm")
+
+
+def _stage(scene: Scene, frame: int, width: int) -> Pen:
+    """The scene itself, framed."""
+    if scene.position.shape[2] == 3:
+        stage = Pen(width, round(width / IN_SPACE))
+        places = bodies.draw(stage, scene, frame)
+        for shape in _visible(scene, frame, places):
+            _draw_label(stage, scene, shape, places[shape])
+    else:
+        left, bottom, right, top = scene.bounds
+        ratio = (right - left) / max(top - bottom, 1e-9)
+        stage = Pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
+        places = _places(stage, scene, frame)
+        _draw_plane(stage, scene, frame, places)
+    _draw_words(stage, scene, frame, places)
+    stage.box(((0, 0), (stage.width, stage.height)), None, RULE)
+    return stage
+
+
+def _places(stage: Pen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+    """Where the shapes are: x, y and radius in pixels, the same scale on both axes."""
+    left, bottom, right, top = scene.bounds
+    across, up = max(right - left, 1e-9), max(top - bottom, 1e-9)
+    unit = min(stage.width / across, stage.height / up)
+    x, y = scene.position[frame].T.astype(float)
+    size = np.array([shape.size for shape in scene.shapes], float)
+    if scene.scale is not None:
+        size = size * scene.scale[frame]
+    return np.column_stack(
+        [
+            (stage.width - unit * across) / 2 + unit * (x - left),
+            (stage.height - unit * up) / 2 + unit * (top - y),
+            unit * size,
+        ]
+    )
+
+
+def _visible(scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> list[int]:
+    return np.flatnonzero((scene.tint[frame] >= 0) & np.isfinite(places).all(1)).tolist()
+
+
+def _draw_plane(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
+    visible = _visible(scene, frame, places)
+    for link in scene.links:
+        if set(link) <= set(visible):
+            stage.line(places[list(link), :2], MUTED)
+    for shape in visible:
+        x, y, radius = places[shape].tolist()
+        look = colour(int(scene.tint[frame, shape]))
+        kind = scene.shapes[shape].kind
+        if kind == "square":
+            corners = (x - radius, y - radius), (x + radius, y + radius)
+            stage.box(corners, look + HALF_SEEN)
+        elif kind == "ring":
+            stage.ring((x, y), max(radius, 1), look)
+        elif kind != "text":
+            stage.disc((x, y), max(radius, 1), look)
+        _draw_label(stage, scene, shape, places[shape])
+
+
+def _draw_label(stage: Pen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]) -> None:
+    """Within a circle where there is room, else above it.
+
+    A square's is below, unlike in the player: above are words, and what stands on the square.
+    """
+    kind, label = scene.shapes[shape].kind, scene.shapes[shape].label
+    if not label:
+        return
+    x, y, radius = place.tolist()
+    size = max(10.0, min(13.0, stage.width / 50))
+    inside = kind == "circle" and measure(label, size) < 2 * radius
+    if not inside and kind != "text":
+        y += radius + 9 if kind == "square" else -radius - 9
+    shown = fitted(label, size, stage.width)
+    stage.text((x, y), shown, size, PAPER if inside else INK, halo=not inside)
+
+
+def _draw_words(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
+    """What shapes say, above them, smaller where it would hide what a neighbour says."""
+    if scene.said is None:
+        return
+    for shape in _visible(scene, frame, places):
+        said = int(scene.said[frame, shape])
+        if not 0 <= said < len(scene.words):
+            continue
+        word = fitted(scene.words[said], WORD, stage.width - 4)
+        x, y, radius = places[shape].tolist()
+        shrunk = min(1.0, 2.5 * radius / max(measure(word, WORD), 1.0))
+        size = max(TINY, round(2 * WORD * shrunk) / 2)
+        half_wide, half_high = measure(word, size) / 2 + 2, size / 2 + 3
+        x = min(max(x, half_wide), stage.width - half_wide)
+        y = max(y - radius - half_high - 1, half_high)
+        corners = (x - half_wide, y - half_high), (x + half_wide, y + half_high)
+        stage.box(corners, INK, PAPER)
+        stage.text((x, y), word, size, PAPER)
+
+
+def _plot(chart: Pen, scene: Scene, frame: int) -> None:
+    """All lines of all series over the frames, on one scale, and a mark at the frame."""
+    lines = np.concatenate(list(scene.series.values()), 1).astype(float)
+    known = np.isfinite(lines)
+    low, high = (lines[known].min(), lines[known].max()) if known.any() else (0.0, 1.0)
+    high = high if high > low else low + 1
+    x = AXIS + 4 + (chart.width - AXIS - 10) * np.arange(len(lines)) / max(1, len(lines) - 1)
+    top, bottom = 20, chart.height - 6
+    y = bottom - (bottom - top) * (lines - low) / (high - low)
+    for number, place in ((high, top), (low, bottom)):
+        shown = fitted(f"{number:.3g}", SMALL, AXIS)
+        chart.text((AXIS, place - 1), shown, SMALL, MUTED, anchor="rm")
+    for left, name, look in _series_names(scene, chart.width - AXIS - 8):
+        chart.text((AXIS + 4 + left, 8), name, SMALL, look, anchor="lm")
+    for line in range(lines.shape[1]):
+        at = known[:, line]
+        if at.sum() > 1:
+            chart.line(np.column_stack([x[at], y[at, line]]), colour(line), 1.4)
+    chart.line([(x[frame], top - 4), (x[frame], chart.height - 2)], INK)
+
+
+def _series_names(scene: Scene, room: float) -> Iterator[tuple[float, str, str]]:
+    """Where names of series are and in which colours: that of its line if it has but one."""
+    left, line = 0.0, 0
+    for name, lines in scene.series.items():
+        shown = fitted(name, SMALL, max(room - left, 0.0))
+        yield left, shown, colour(line) if lines.shape[1] == 1 else MUTED
+        left, line = left + measure(shown, SMALL) + 12, line + lines.shape[1]
+
+
+def _legend(scene: Scene, room: float) -> list[list[tuple[float, str, str]]]:
+    """Rows of entries of the palette: where each is, its colour, its meaning."""
+    graded = scene.position.shape[2] == 3 and scene.scale is not None
+    rows: list[list[tuple[float, str, str]]] = [[]]
+    left = 0.0
+    for tint, meaning in enumerate(scene.palette):
+        shown = fitted(meaning, SMALL, room - 15)
+        wide = 15 + measure(shown, SMALL)
+        if rows[-1] and left + wide > room:
+            rows.append([])
+            left = 0.0
+        look = bodies.TINTS[tint] if graded and tint < len(bodies.TINTS) else colour(tint)
+        rows[-1].append((left, look, shown))
+        left += wide + 14
+    return [row for row in rows if row]

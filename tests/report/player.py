@@ -1,0 +1,84 @@
+"""What tests of the player share: a toy scene, and how to look at the page that plays it."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Locator, Page
+
+from ethogram.core.scene import Scene, Shape
+from ethogram.report import Replay, write_replay
+
+HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=alert(1)>\u202e\u05e9"
+BLUE, RED = (0, 114, 178), (213, 94, 0)
+FRAMES, WIDTH, HEIGHT = 41, 16.0, 9.0
+
+
+def crossing(**changes) -> Scene:
+    """A disc that goes from left to right in a field of 16 to 9, and turns red half way."""
+    x = np.linspace(1, WIDTH - 1, FRAMES)
+    settings = {
+        "title": "crossing",
+        "bounds": (0.0, 0.0, WIDTH, HEIGHT),
+        "frame_seconds": 0.05,
+        "palette": ("going", "gone"),
+        "shapes": (Shape("circle", 0.8),),
+        "position": np.stack([x, np.full(FRAMES, 6.0)], 1)[:, None],
+        "tint": (np.arange(FRAMES) >= FRAMES // 2).astype(int)[:, None],
+        "captions": tuple(f"frame {frame}" for frame in range(FRAMES)),
+        "series": {"way": x[:, None]},
+    }
+    return Scene(**(settings | changes))
+
+
+def opened(tmp_path: Path, open_tab: Callable[..., Page], *scenes: Scene | None, **screen) -> Page:
+    """A page of its own with these scenes, called case, case 2, ...; None is a damaged one."""
+    file = tmp_path / "replay.html"
+    replays = [
+        Replay(
+            name=f"case {number}" if number > 1 else "case", scene=scene, trouble="it is cut short"
+        )
+        for number, scene in enumerate(scenes, start=1)
+    ]
+    write_replay(file, "toy", replays)
+    page = open_tab(**screen)
+    page.goto(file.as_uri())
+    page.locator("#replay").wait_for()
+    if scenes[0] is not None:
+        until(page, lambda: frames(page) > 0)
+    return page
+
+
+def pixels(shown: Locator) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(shown.screenshot())).convert("RGB")).astype(int)
+
+
+def centre(picture: np.ndarray, colour: tuple[int, int, int]) -> tuple[float, float] | None:
+    """Where a colour is, in shares of the picture's width and height."""
+    where = np.argwhere(np.abs(picture - colour).max(2) < 12)
+    if len(where) < 50:
+        return None
+    y, x = where.mean(0)
+    return x / picture.shape[1], y / picture.shape[0]
+
+
+def at(page: Page) -> int:
+    """The frame that is shown."""
+    return int(page.locator("#replay").get_attribute("data-frame") or 0)
+
+
+def frames(page: Page) -> int:
+    """How many there are, once the scene is read."""
+    return int(page.locator("#replay").get_attribute("data-frames") or 0)
+
+
+def until(page: Page, met: Callable[[], bool]) -> None:
+    """Wait; the page's policy forbids the browser to do it by evaluating text."""
+    for _ in range(400):
+        if met():
+            return
+        page.wait_for_timeout(20)
+    pytest.fail("it did not happen within eight seconds")

@@ -1,0 +1,281 @@
+"""Single frames: what the scene says is where it says, whatever it says."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.report.player import BLUE, FRAMES, HEIGHT, HOSTILE, RED, WIDTH, crossing
+
+from ethogram.core.errors import EthogramError
+from ethogram.core.scene import Scene, Shape
+from ethogram.report.pen import Pen, fitted, measure
+from ethogram.report.pictures import CHART, LINE, MARGIN, picture
+
+WIDE = 320
+GREY = (189, 186, 177)  # of a voxel at rest
+TEXTS = (
+    HOSTILE,
+    "",
+    "\n\r\n",
+    "two\nlines",
+    "\ud800 alone \udfff",
+    "\x00\x1b[31m",
+    "🤖👩‍👩‍👧 e\u0301\u0301\u0301",
+    "שלום مرحبا",
+    "x" * 10_000,
+)
+
+
+def stage(scene: Scene, frame: int, width: int = WIDE) -> np.ndarray:
+    """The pixels of the scene itself, without what is written around it."""
+    pixels = np.asarray(picture(scene, frame, width=width)).astype(int)
+    left, bottom, right, top = scene.bounds
+    space = scene.position.shape[2] == 3
+    ratio = 16 / 9 if space else (right - left) / (top - bottom)
+    across = width - 2 * MARGIN
+    top_edge = MARGIN + LINE
+    return pixels[top_edge : top_edge + round(across / ratio), MARGIN : MARGIN + across]
+
+
+def where(pixels: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
+    """Row and column of every pixel of a colour."""
+    return np.argwhere(np.abs(pixels - colour).max(2) < 12)
+
+
+def bodies(*places: tuple[float, float, float], **changes) -> Scene:
+    """One frame with cubes of one centimetre, at rest unless a scale says otherwise."""
+    cast = len(places)
+    settings = {
+        "title": "bodies",
+        "bounds": (-1.0, 0.0, 1.0, 1.0),
+        "frame_seconds": 0.05,
+        "palette": ("contracted", "at rest", "expanded"),
+        "shapes": (Shape("cube", 0.005),) * cast,
+        "position": np.array([places], float),
+        "scale": np.ones((1, cast)),
+        "tint": np.ones((1, cast), int),
+        "captions": ("now",),
+    }
+    return Scene(**(settings | changes))
+
+
+def middle(scene: Scene) -> np.ndarray:
+    """The colour in the middle of the stage, at which the eye looks."""
+    pixels = stage(scene, 0)
+    return pixels[pixels.shape[0] // 2, pixels.shape[1] // 2]
+
+
+@pytest.mark.parametrize(("frame", "colour"), [(0, BLUE), (13, BLUE), (30, RED), (40, RED)])
+def test_a_disc_is_where_the_scene_says(frame: int, colour: tuple[int, int, int]) -> None:
+    scene = crossing()
+    pixels = stage(scene, frame, width=640)
+    y, x = where(pixels, colour).mean(0)
+    across, up = scene.position[frame, 0]
+    found = x / pixels.shape[1], y / pixels.shape[0]
+    np.testing.assert_allclose(found, (across / WIDTH, 1 - up / HEIGHT), atol=0.004)
+    # a disc of radius 0.8 in a field of 16 to 9 has 1.4 % of its area
+    share = len(where(pixels, colour)) / pixels[..., 0].size
+    assert share == pytest.approx(np.pi * 0.8**2 / (WIDTH * HEIGHT), rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["circle", "square", "ring", "text"])
+def test_what_is_hidden_is_not_drawn_nor_are_its_lines_labels_and_words(kind: str) -> None:
+    changes = {
+        "shapes": (Shape(kind, 0.8, "seen"), Shape("circle", 0.1)),
+        "position": np.tile([[4.0, 4.0], [7.0, 7.0]], (FRAMES, 1, 1)),
+        "links": ((0, 1),),
+        "words": ("hello",),
+        "said": np.zeros((FRAMES, 2), int),
+    }
+    nothing = stage(crossing(tint=np.full((FRAMES, 2), -1), **changes), 0)
+    assert (nothing[2:-2, 2:-2] == 255).all()
+    assert (stage(crossing(tint=np.zeros((FRAMES, 2), int), **changes), 0) != nothing).any()
+
+
+def test_squares_are_seen_through_and_rings_are_empty() -> None:
+    square, ring = (
+        stage(crossing(shapes=(Shape(kind, 2.0),), position=np.full((FRAMES, 1, 2), 4.5)), 0)
+        for kind in ("square", "ring")
+    )
+    inside = round(square.shape[0] / 2) + 5, round(square.shape[1] * 4.5 / WIDTH)
+    # 55 % of blue on white: 255 + 0.55 (0 - 255) and so on
+    np.testing.assert_allclose(square[inside], (115, 177, 213), atol=2)
+    np.testing.assert_array_equal(ring[inside], 255)
+    assert len(where(ring, BLUE)) > 0
+
+
+def test_a_scene_that_is_not_finite_somewhere_shows_the_rest() -> None:
+    position = np.full((FRAMES, 2, 2), 4.0)
+    position[:, 1] = (np.nan, np.inf)
+    shapes = (Shape("circle", 0.8), Shape("circle", 0.8, "lost"))
+    tint = np.zeros((FRAMES, 2), int)
+    series = {"way": np.full((FRAMES, 1), np.nan)}
+    seen = stage(crossing(position=position, shapes=shapes, tint=tint, series=series), 0)
+    alone = stage(crossing(position=position[:, :1], shapes=shapes[:1], tint=tint[:, :1]), 0)
+    np.testing.assert_array_equal(seen, alone)
+    lost = bodies((0, 0, 0.005), (np.nan, 0, 0))
+    np.testing.assert_array_equal(stage(lost, 0), stage(bodies((0, 0, 0.005)), 0))
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        crossing(bounds=(0.0, 0.0, 0.0, 0.0)),
+        crossing(shapes=(Shape("square", 1e12),)),
+        crossing(scale=np.full((FRAMES, 1), np.nan)),
+        crossing(words=("hello",), said=np.full((FRAMES, 1), 7)),
+        crossing(series={"far": np.linspace(-1e300, 1e300, FRAMES)[:, None]}),
+        bodies((0, 0, 0), orientation=np.full((1, 1, 4), np.nan)),
+        bodies((0, 0, -5), scale=None),
+        bodies((1e9, 0, 0), (0, 0, 0)),
+    ],
+)
+def test_odd_scenes_are_drawn_at_once_and_without_an_error(scene: Scene) -> None:
+    assert picture(scene, 0, width=WIDE).width == WIDE
+
+
+def test_all_frames_of_a_scene_have_the_same_even_size() -> None:
+    for scene in (crossing(), crossing(series={}, palette=(), bounds=(0, 0, 1, 7))):
+        sizes = {picture(scene, frame, width=317).size for frame in (0, 20, 40)}
+        assert len(sizes) == 1
+        (width, height) = sizes.pop()
+        assert (width, height % 2) == (316, 0)
+
+
+def test_the_mark_in_the_chart_moves_with_the_frames() -> None:
+    top = MARGIN + LINE + len(stage(crossing(), 0)) + LINE + 4
+
+    def mark(frame: int) -> int:
+        chart = np.asarray(picture(crossing(), frame, width=WIDE))[top : top + CHART]
+        return int(chart.astype(int).sum((0, 2)).argmin())  # the darkest column
+
+    first, half, last = map(mark, (0, 20, 40))
+    assert last == pytest.approx(WIDE - MARGIN - 6, abs=1)
+    assert half == pytest.approx((first + last) / 2, abs=1)
+    assert first < WIDE / 4
+
+
+def test_a_cube_that_moves_in_x_moves_in_the_picture() -> None:
+    scales = {"scale": np.array([[0.8, 1.2]])}
+    apart = [bodies((0, 0, 0.005), (x, 0, 0.005), **scales) for x in (0.02, 0.04)]
+    whole = Scene(
+        **{
+            **vars(apart[0]),
+            "position": np.concatenate([scene.position for scene in apart]),
+            "tint": np.ones((2, 2), int),
+            "scale": np.repeat(scales["scale"], 2, 0),
+            "captions": ("near", "far"),
+        }
+    )
+
+    def gap(frame: int) -> float:
+        pixels = stage(whole, frame)
+        blue, red = (pixels[..., channel] - pixels[..., 2 - channel] > 60 for channel in (2, 0))
+        return np.argwhere(red)[:, 1].mean() - np.argwhere(blue)[:, 1].mean()
+
+    # the eye goes along with the centre, and sees twice the distance about twice as wide
+    assert 1.7 < gap(1) / gap(0) < 2.3
+
+
+def test_the_eye_goes_along_with_a_robot_over_a_floor_that_moves() -> None:
+    alone = bodies((0, 0, 0.005))
+    whole = Scene(
+        **{
+            **vars(alone),
+            "position": np.array([[[0, 0, 0.005]], [[0.033, 0, 0.005]]]),
+            "tint": np.ones((2, 1), int),
+            "scale": np.ones((2, 1)),
+            "captions": ("now", "now"),
+        }
+    )
+    first, second = stage(whole, 0), stage(whole, 1)
+    high, wide = (size // 2 for size in first.shape[:2])
+    body = slice(high - 10, high + 5), slice(wide - 10, wide + 10)
+    np.testing.assert_array_equal(first[body], second[body])
+    assert (first != second).any()
+
+
+def test_contracted_voxels_are_bluer_and_expanded_ones_redder_until_a_tenth() -> None:
+    scales = (0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.3)
+    seen = [middle(bodies((0, 0, 0.005), scale=np.array([[scale]]))) for scale in scales]
+    red_less_blue = [int(red) - int(blue) for red, _, blue in seen]
+    assert red_less_blue == sorted(red_less_blue)
+    assert red_less_blue[0] == red_less_blue[1] < red_less_blue[2] < red_less_blue[3] - 30
+    assert red_less_blue[3] + 30 < red_less_blue[4] < red_less_blue[5] == red_less_blue[6]
+
+
+def test_faces_are_lighter_the_more_they_look_up() -> None:
+    pixels = stage(bodies((0, 0, 0.005)), 0)
+    column = pixels[:, pixels.shape[1] // 2, 0]
+    top, front = (column == GREY[0]).nonzero()[0], (np.abs(column - 150) < 15).nonzero()[0]
+    assert front.size > top.size > 5
+    assert np.median(top) < np.median(front)
+
+
+def test_the_nearer_cube_hides_the_other_whatever_their_order() -> None:
+    near, far = (0.0, -0.008, 0.005), (0.0, 0.004, 0.005)
+    scales = np.array([[0.9, 1.1]])
+    one = stage(bodies(near, far, scale=scales), 0)
+    other = stage(bodies(far, near, scale=scales[:, ::-1]), 0)
+    np.testing.assert_array_equal(one, other)
+    high, wide = one.shape[0] // 2, one.shape[1] // 2
+    assert one[high + 15, wide, 2] > one[high + 15, wide, 0] + 60
+
+
+def test_a_cube_turned_by_a_right_angle_looks_as_before_and_by_half_of_it_does_not() -> None:
+    def turned(angle: float) -> np.ndarray:
+        quaternion = (np.cos(angle / 2), 0, np.sin(angle / 2), 0)  # about y
+        changes = {"orientation": np.array([[quaternion]]), "scale": np.full((1, 1), 1.1)}
+        return stage(bodies((0, 0, 0.007), **changes), 0)
+
+    still, half, right = (turned(angle) for angle in (0.0, np.pi / 4, np.pi / 2))
+    assert (np.abs(still - right).max(2) > 40).mean() < 0.001
+    assert (np.abs(still - half).max(2) > 40).mean() > 0.01
+
+    def tall(pixels: np.ndarray) -> int:
+        return int(np.ptp(np.argwhere(pixels[..., 0] - pixels[..., 2] > 60)[:, 0]))
+
+    assert tall(half) > 1.1 * tall(still)
+
+
+def test_hidden_cubes_are_not_drawn() -> None:
+    hidden = stage(bodies((0, 0, 0.005), tint=np.full((1, 1), -1)), 0)
+    assert middle(bodies((0, 0, 0.005)))[0] < 200
+    assert hidden.mean() > 240
+    nobody = bodies(position=np.zeros((1, 0, 3)))
+    assert stage(nobody, 0).mean() > 240
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=ascii)
+def test_any_text_is_drawn_and_stays_on_the_paper(text: str) -> None:
+    scene = crossing(
+        title=text,
+        palette=(text, text),
+        captions=(text,) * FRAMES,
+        shapes=(Shape("circle", 0.8, text),),
+        words=(text,),
+        said=np.zeros((FRAMES, 1), int),
+        series={text: np.zeros((FRAMES, 1)), text + "2": np.zeros((FRAMES, 2))},
+    )
+    sizes = {picture(each, 0, width=WIDE).size for each in (scene, crossing(title=text))}
+    assert {width for width, _ in sizes} == {WIDE}
+    cubes = bodies(
+        (0, 0, 0), shapes=(Shape("cube", 0.005, text),), words=(text,), said=np.zeros((1, 1), int)
+    )
+    assert picture(cubes, 0, width=WIDE).width == WIDE
+
+
+@given(text=st.text(st.characters(), max_size=60), room=st.floats(20, 300))
+def test_a_text_is_cut_to_its_room_and_only_then(text: str, room: float) -> None:
+    shown = fitted(text, 12.0, room)
+    assert measure(shown, 12.0) <= room
+    assert shown.endswith("…") or measure(text, 12.0) <= room
+    Pen(20, 20).text((10, 10), text, 12.0, "#000000", halo=True)
+
+
+def test_there_is_a_clear_error_where_nothing_can_be_drawn() -> None:
+    for frame in (-1, FRAMES):
+        with pytest.raises(EthogramError, match=f"'crossing' has no frame {frame}"):
+            picture(crossing(), frame)
+    with pytest.raises(EthogramError, match="20 pixels wide is too narrow: 100 or more"):
+        picture(crossing(), 0, width=20)
