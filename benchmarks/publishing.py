@@ -58,14 +58,14 @@ def run_of(world: Any, author: str, editor: str) -> Any:
     policy = static(world, author, editor)
 
     def run(key: Any) -> tuple[Any, Any]:
-        def step(at: Any, key: Any) -> tuple[Any, None]:
-            state, seen = at
+        def step(state: Any, key: Any) -> tuple[Any, None]:
             first, second = branch(key, 0), branch(key, 1)
-            state, outcome = world.step(second, state, policy(first, seen))
-            return (state, outcome.observation), None
+            state, _ = world.step(second, state, policy(first, world.observe(state)))
+            return state, None
 
         first, key = jax.random.split(key)
-        (state, _), _ = jax.lax.scan(step, world.reset(first), jax.random.split(key, world.horizon))
+        start, _ = world.reset(first)
+        state, _ = jax.lax.scan(step, start, jax.random.split(key, world.horizon))
         return state.literature.published, state.standing.h_index.mean()
 
     return run

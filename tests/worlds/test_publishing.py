@@ -20,6 +20,7 @@ from ethogram.worlds.publishing.policies import (
     Ranking,
     Scrutiny,
     Together,
+    ranking_of,
     static,
 )
 
@@ -512,3 +513,12 @@ def test_what_does_not_fit_is_refused(monkeypatch):
         reset(Publishing(authors=5000), jax.random.key(0))
     with pytest.raises(InvalidSettings, match="greatest"):
         Publishing(greatest=1.0)
+
+
+@given(
+    impact=arrays(np.float32, 6, elements=st.sampled_from([-1.0, 0.0, 1.5, 2.0])),
+    tie=arrays(np.uint32, 6, elements=st.integers(0, 3)),
+)
+def test_counting_ranks_journals_as_sorting_does(impact, tie):
+    found = ranking_of(jnp.asarray(impact), jnp.asarray(tie))
+    np.testing.assert_array_equal(found, np.lexsort((tie, impact)))

@@ -12,9 +12,9 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float, Int, Key
+from jaxtyping import Float, Int, Key, UInt32
 
-from ethogram.core.batching import take
+from ethogram.core.batching import put, take
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.keys import branch, scaled, words
 from ethogram.core.rollout import Policy
@@ -27,6 +27,7 @@ RolePolicy = Callable[[Key[Array, ""], Array], Array]  # (key, observation) -> a
 SHARES = {"accept_everything": ACCEPT_ALL, "mild_scrutiny": 0.25, "improve_only": 0.5}
 MAX_REJECTIONS = 10
 BINS = 10
+COUNTED = 64  # journals, up to which it is faster to count those before each than to sort
 
 BinRule = Literal["ranked", "literal_clamped"]
 Remainder = Literal["spread", "drop"]
@@ -105,7 +106,7 @@ class Ranking(eqx.Module):
                 f"bins = {self.bins}; allowed: at most as many as there are journals, {journals}."
             )
         chance = words(key, journals + len(bin_))
-        ranked = jnp.lexsort((chance[:journals], impact))
+        ranked = ranking_of(impact, chance[:journals])
         if self.remainder == "drop":
             size = jnp.full_like(bin_, journals // self.bins)
             first = journals - size * (self.bins - bin_)
@@ -113,6 +114,19 @@ class Ranking(eqx.Module):
             first = bin_ * journals // self.bins
             size = (bin_ + 1) * journals // self.bins - first
         return 1 + take(ranked, first + scaled(chance[journals:], size))
+
+
+def ranking_of(
+    impact: Float[Array, "journal"], tie: UInt32[Array, "journal"]
+) -> Int[Array, "journal"]:
+    """The journals in the order of their impact factors, and of `tie` where these are equal."""
+    number = jnp.arange(len(impact))
+    if len(impact) > COUNTED:
+        return jnp.lexsort((tie, impact))
+    before = number < number[:, None]
+    for key in (tie, impact):  # the last one counts first, as for lexsort
+        before = (key < key[:, None]) | ((key == key[:, None]) & before)
+    return put(number, before.sum(1), number)
 
 
 class Scrutiny(eqx.Module):
