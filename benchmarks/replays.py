@@ -26,9 +26,7 @@ from ethogram.report import Replay, write_replay
 
 FRAMES, REPLAYS, SECONDS = 300, 10, 4.0
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-FLAGS = (
-    "--no-sandbox --disable-quic --no-first-run --use-angle=swiftshader --enable-unsafe-swiftshader"
-)
+FLAGS = "--no-sandbox --disable-gpu --disable-quic --no-first-run"  # no graphics card anywhere
 WATCH = """
 window.spent = []; window.first = null;
 const ask = window.requestAnimationFrame.bind(window);
