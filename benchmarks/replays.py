@@ -55,7 +55,7 @@ def agents(seed: int, count: int = 100) -> Scene:
         words=("yes", "no"),
         said=rng.integers(-1, 2, (FRAMES, count)),
         captions=tuple(f"step {frame}" for frame in range(FRAMES)),
-        series={"distance": position[:, :5, 0]},
+        series={"distance": position[..., 0]},
     )
 
 

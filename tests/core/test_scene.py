@@ -50,6 +50,25 @@ def test_an_array_that_does_not_fit_the_cast_is_named():
             scene(**{name: ("alone",)})
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"position": np.zeros((3, 2, 4))}, r"axes \(4,\), not 2 or 3"),
+        ({"position": np.zeros((3, 2))}, r"axes \(\), not 2 or 3"),
+        ({"bounds": (0.0, 0.0, 1.0)}, "four numbers"),
+        ({"bounds": (0.0, 0.0, 1.0, None)}, "bounds holds None"),
+        ({"frame_seconds": float("nan")}, "frame_seconds holds nan"),
+        ({"frame_seconds": 0.0}, "a time above 0"),
+        ({"shapes": (Shape("circle", float("inf")), Shape("square", 0.2))}, "size holds inf"),
+        ({"palette": ("idle", 1)}, "palette holds what is no text"),
+        ({"series": {"distance": np.ones(3)}}, "distance is"),
+    ],
+)
+def test_what_could_not_be_drawn_is_refused(changes, said):
+    with pytest.raises(EthogramError, match=said):
+        scene(**changes)
+
+
 def test_a_line_must_join_shapes_of_the_cast():
     with pytest.raises(EthogramError, match=r"a line joins \(0, 2\), but there are only 2 shapes"):
         scene(links=((0, 1), (0, 2)))

@@ -190,8 +190,7 @@ def browser() -> Iterator[Browser]:
             pytest.fail(message)
         pytest.skip(message)
     flags = (
-        "--no-sandbox --disable-quic --no-first-run "
-        "--use-angle=swiftshader --enable-unsafe-swiftshader "  # pictures in space without a GPU
+        "--no-sandbox --disable-gpu --disable-quic --no-first-run "
         "--disable-background-networking --disable-component-update --disable-sync"
     )
     with sync_playwright() as playwright:

@@ -270,6 +270,36 @@ def test_a_damaged_scene_shows_a_message_not_a_blank(
     assert "its numbers are cut short" in whole.locator("[data-part=error]").inner_text()
 
 
+def test_nothing_of_an_earlier_scene_is_left_when_a_damaged_one_is_chosen(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crossing(), None)
+    page.locator("[data-part=play]").click()
+    page.locator("[data-part=scene]").select_option("case 2")
+    page.locator("[data-part=error]").wait_for()
+    for part in ("canvas", "space", "chart"):
+        assert not page.locator(f"[data-part={part}]").is_visible()
+    assert page.locator("[data-part=play]").inner_text() == "Play"
+    page.locator("[data-part=scene]").select_option("case")
+    until(page, lambda: frames(page) > 0)
+    assert centre(pixels(page.locator("[data-part=canvas]")), BLUE) is not None
+
+
+def test_what_is_no_number_is_not_drawn(tmp_path: Path, open_tab: Callable[..., Page]) -> None:
+    scene = crossing()
+    position, way = scene.position.copy(), scene.series["way"].copy()
+    position[5, 0, 0] = np.nan
+    way[5:10] = np.nan
+    page = opened(tmp_path, open_tab, crossing(position=position, series={"way": way}))
+    canvas = page.locator("[data-part=canvas]")
+    page.locator("[data-part=frame]").fill("5")
+    assert centre(pixels(canvas), BLUE) is None
+    page.locator("[data-part=frame]").fill("6")
+    found = centre(pixels(canvas), BLUE)
+    assert found is not None
+    np.testing.assert_allclose(found[0], scene.position[6, 0, 0] / WIDTH, atol=0.01)
+
+
 def test_what_cannot_be_replayed_is_refused_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -210,6 +210,38 @@ def test_text_of_a_scene_is_shown_and_never_run(
     assert page.title() != "run"
 
 
+def test_a_stage_that_was_out_of_sight_is_drawn_when_it_is_seen(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crawling())
+    before = shown(page, 3)
+    page.evaluate("document.getElementById('replay').hidden = true")
+    page.wait_for_timeout(100)
+    page.evaluate("document.getElementById('replay').hidden = false")
+    page.wait_for_timeout(100)
+    assert len(coloured(pixels(stage(page)))) > 500
+    assert np.abs(pixels(stage(page)) - before).mean() < 0.1
+
+
+def test_the_view_is_set_back_without_following_too(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, crawling())
+    size = len(coloured(shown(page, 3)))
+    page.locator("[data-part=follow]").uncheck()
+    stage(page).focus()
+    page.keyboard.press("+")
+    page.keyboard.press("0")
+    assert len(coloured(pixels(stage(page)))) == pytest.approx(size, rel=0.05)
+
+
+def test_pages_carry_the_licence_of_what_draws_in_space(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    opened(tmp_path, open_tab, crawling())
+    assert "three.js authors" in (tmp_path / "replay.html").read_text()
+
+
 def test_without_webgl_a_message_says_what_is_missing(
     tmp_path: Path, open_tab: Callable[..., Page]
 ) -> None:

@@ -11,7 +11,7 @@ import webbrowser
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import App, CycloptsError, Parameter
 from cyclopts.validators import Number
@@ -77,8 +77,9 @@ CaseName = Annotated[str, Parameter(help="Name of the case; `ethogram run --dry-
 ReplayOut = Annotated[
     Path | None, Parameter(name="--out", help="File to write; by default one in the report.")
 ]
+Format = Literal["html", "gif", "webp", "mp4"]
 ReplayFormat = Annotated[
-    Literal["html", "gif", "webp", "mp4"] | None,
+    Format | None,
     Parameter(
         name="--format",
         help="What to write: a page with a player (html), or a film (mp4 needs `ethogram[video]`); "
@@ -200,10 +201,13 @@ def replay(
             f"the file's name end in .{format_}."
         )
     written = format_ or suffix or "html"
+    if written not in get_args(Format):
+        raise UnknownName("format", written, get_args(Format))
     trials = trials_in(folder, study, case)
     if trial is not None and trial not in trials:
         raise UnknownName("recorded trial", str(trial), map(str, trials))
-    file = out or folder / "report" / f"{slug(study)}-{slug(case)}.{written}"
+    which = f"-trial-{trial}" if trial is not None else ""
+    file = out or folder / "report" / f"{slug(study)}-{slug(case)}{which}.{written}"
     shown = trials[trial or min(trials)]
     if written == "html":
         write_replay(file, study, list(trials.values()) if trial is None else [shown])

@@ -138,7 +138,7 @@ def _replay(name: str, stored: "xr.Dataset", trial: int) -> "Replay":
 
     try:
         return Replay(name=name, scene=Scene.from_dataset(stored), trial=trial)
-    except (EthogramError, KeyError, TypeError, ValueError) as error:
+    except (EthogramError, AttributeError, LookupError, TypeError, ValueError) as error:
         reason = str(error) or type(error).__name__
         trouble = f"what is stored is no scene ({reason})"
         return Replay(name=name, scene=None, trouble=trouble, trial=trial)

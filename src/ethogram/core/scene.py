@@ -94,6 +94,7 @@ class Scene:
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
+        self._check_values()
         for link in self.links:
             if not all(0 <= end < cast for end in link):
                 raise EthogramError(
@@ -106,6 +107,33 @@ class Scene:
     def _repr_html_(self) -> str:
         """A replay: what a notebook shows for a scene on the last line of a cell."""
         return DRAWINGS.get("notebook")(self)
+
+    def _check_values(self) -> None:
+        """Refuse what could not be drawn."""
+        axes = self.position.shape[2:]
+        if axes not in {(2,), (3,)}:
+            raise EthogramError(f"Scene {self.title!r}: a position has axes {axes}, not 2 or 3.")
+        for name, lines in self.series.items():
+            if lines.ndim != 2:
+                raise EthogramError(
+                    f"Scene {self.title!r}: {name} is {lines.shape}; allowed: frames and lines."
+                )
+        sizes = [shape.size for shape in self.shapes]
+        numbers = {"bounds": self.bounds, "frame_seconds": [self.frame_seconds], "size": sizes}
+        for name, values in numbers.items():
+            for value in values:
+                if not (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
+                    raise EthogramError(
+                        f"Scene {self.title!r}: {name} holds {value!r}; allowed: finite numbers."
+                    )
+        if len(self.bounds) != 4 or self.frame_seconds <= 0:
+            raise EthogramError(
+                f"Scene {self.title!r}: bounds = {self.bounds} and frame_seconds = "
+                f"{self.frame_seconds}; allowed: four numbers, and a time above 0."
+            )
+        for name in ("palette", "words", "captions", "chapters"):
+            if not all(isinstance(text, str) for text in getattr(self, name)):
+                raise EthogramError(f"Scene {self.title!r}: {name} holds what is no text.")
 
     def to_dataset(self) -> "xr.Dataset":
         """Arrays as variables, everything else as one JSON attribute."""

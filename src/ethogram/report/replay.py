@@ -18,6 +18,7 @@ import numpy as np
 from ethogram.core.scene import Scene
 
 STEPS = 65_534  # between the smallest and the largest number
+NO_NUMBER = -32_768  # the one 16-bit number that is no step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ def _scene(replay: Replay) -> dict[str, Any]:
     )
     arrays = {
         "position": _rounded(scene.position),
-        "tint": _whole(scene.tint),
+        "tint": _whole(np.where(np.isfinite(scene.position).all(-1), scene.tint, -1)),  # or hidden
         "said": None if scene.said is None else _whole(scene.said),
         "scale": None if scene.scale is None else _rounded(scene.scale),
         "fresh": None if scene.fresh is None else _whole(scene.fresh),
@@ -90,12 +91,13 @@ def _beginnings(chapters: Sequence[str]) -> list[tuple[int, str]]:
 
 
 def _rounded(values: np.ndarray) -> dict[str, Any]:
-    """Numbers as steps; where they are not finite, the smallest."""
+    """Numbers as steps; what is not finite is no number."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     step = (high - low) / STEPS or 1.0
-    steps = np.round((np.nan_to_num(values, nan=low, posinf=high, neginf=low) - low) / step)
-    return {"low": low, "step": step, "data": _compressed(steps - STEPS // 2)}
+    steps = np.round((np.where(np.isfinite(values), values, low) - low) / step) - STEPS // 2
+    steps = np.where(np.isfinite(values), steps, NO_NUMBER)
+    return {"low": low, "step": step, "data": _compressed(steps)}
 
 
 def _whole(values: np.ndarray) -> dict[str, Any]:

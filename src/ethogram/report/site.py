@@ -110,14 +110,15 @@ def _spread(replays: Sequence[Replay]) -> list[Replay]:
 
 @cache
 def _script(*, solid: bool) -> str:
-    """The player, with the library that draws in space only where it is needed."""
-    files = (
-        *(("vendor/three.js", "templates/space.js") if solid else ()),
-        "templates/plane.js",
-        "templates/replay.js",
-    )
-    folder = resources.files("ethogram.report")
-    return "\n".join(['"use strict";', *(folder.joinpath(file).read_text() for file in files)])
+    """The player, with the library that draws in space, and its licence, where it is needed."""
+    licence = f"/*!\n{_part('vendor/three.LICENSE')}*/" if solid else ""
+    files = ("vendor/three.js", "templates/space.js") if solid else ()
+    ours = ("templates/plane.js", "templates/replay.js")
+    return "\n".join(['"use strict";', licence, *map(_part, (*files, *ours))])
+
+
+def _part(file: str) -> str:
+    return resources.files("ethogram.report").joinpath(file).read_text(encoding="utf-8")
 
 
 def slug(name: str) -> str:

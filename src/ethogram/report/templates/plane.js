@@ -7,7 +7,8 @@ function planeStage(canvas, colour, theme) {
   function fit() {
     const { pen, width, height } = fitted(canvas);
     const [left, bottom, right, top] = scene.bounds;
-    const unit = Math.min(width / (right - left), height / (top - bottom));
+    const unit = Math.min(
+      width / Math.max(right - left, 1e-9), height / Math.max(top - bottom, 1e-9));
     const x0 = (width - unit * (right - left)) / 2, y0 = (height - unit * (top - bottom)) / 2;
     const place = (x, y) => [x0 + unit * (x - left), y0 + unit * (top - y)];
     return { pen, width, unit, place };
@@ -76,7 +77,8 @@ function planeStage(canvas, colour, theme) {
     show(cast) {
       [{ scene, arrays }] = cast;
       const [left, bottom, right, top] = scene.bounds;
-      canvas.style.aspectRatio = Math.min(4, Math.max(1, (right - left) / (top - bottom)));
+      canvas.style.aspectRatio =
+        Math.min(4, Math.max(1, (right - left) / Math.max(top - bottom, 1e-9)));
     },
     draw(frame, share) {
       const { pen, width, unit, place } = fit();

@@ -18,9 +18,10 @@
   const colour = tint => COLOURS[tint % COLOURS.length];
   const laneColour = lane => LANES[lane % LANES.length];
   const names = [...new Set(scenes.map(each => each.name))];
+  const spaceOnly = document.querySelectorAll("[data-only=space]");
   const stages = {}, read = new Map();
   let cast = [], stage = null, frames = 0, frame = 0, playing = false, last = 0, owed = 0;
-  let asked = 0, look = null;
+  let asked = 0, look = null, sheet = null;
 
   function theme() {
     if (look) return look;
@@ -39,7 +40,7 @@
     for (let index = 0; index < found.length; index++) {
       const place = index % length;
       at[place] += steps.getInt16(2 * index, true);
-      found[index] = stored.low + (at[place] + HALF) * stored.step;
+      found[index] = at[place] === -HALF - 1 ? NaN : stored.low + (at[place] + HALF) * stored.step;
     }
     return found;
   }
@@ -48,6 +49,7 @@
   async function unpacked(scene) {
     if (scene.trouble !== undefined) throw new Error(scene.trouble);
     if (!(scene.frames > 0)) throw new Error("it has no frame");
+    if (!scene.shapes.length) throw new Error("it has no shapes");
     if (read.has(scene)) return read.get(scene);
     const count = scene.shapes.length;
     const lengths = {
@@ -68,7 +70,7 @@
     const solidly = scene.axes === 3;
     flat.hidden = solidly;
     solid.hidden = !solidly;
-    for (const each of document.querySelectorAll("[data-only=space]")) each.hidden = !solidly;
+    for (const each of spaceOnly) each.hidden = !solidly;
     if (!solidly) return stages.plane ??= planeStage(flat, colour, theme);
     if (stages.space) return stages.space;
     try {
@@ -92,14 +94,15 @@
       for (const scene of chosen)
         found.push({ scene, arrays: await unpacked(scene), mark: MARKS[found.length] });
       if (turn !== asked) return;
+      stop(); // it may have been started meanwhile
       stage = stageFor(chosen[0]);
       stage.show(found);
       cast = found;
     } catch (trouble) {
       if (turn !== asked) return;
       cast = [];
-      flat.hidden = false;
-      solid.hidden = true;
+      stage = null;
+      for (const each of [flat, solid, ...spaceOnly]) each.hidden = true;
       reason = trouble.message;
     }
     error.hidden = reason === null;
@@ -149,19 +152,43 @@
     });
   }
 
+  // The curves are drawn once, and then only the mark moves.
   function plot() {
     if (!cast.length || chart.hidden) return;
     const { pen, width, height } = fitted(chart);
+    const sort = [width, height, chart.width, theme().ink].join();
+    if (!sheet || sheet.cast !== cast || sheet.sort !== sort) {
+      sheet = { cast, sort, paper: document.createElement("canvas") };
+      sheet.paper.width = chart.width;
+      sheet.paper.height = chart.height;
+      const copy = sheet.paper.getContext("2d");
+      copy.setTransform(pen.getTransform());
+      drawCurves(copy, width, height);
+    }
+    if (!sheet.paper.width || !sheet.paper.height) return;
+    pen.drawImage(sheet.paper, 0, 0, width, height);
+    const x = across(width)(frame);
+    pen.strokeStyle = theme().ink;
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    pen.moveTo(x, 12);
+    pen.lineTo(x, height - 4);
+    pen.stroke();
+  }
+
+  const across = width => at => 44 + (width - 50) * at / Math.max(1, frames - 1);
+
+  function drawCurves(pen, width, height) {
     const lines = curves();
     let low = Infinity, high = -Infinity;
     for (const { frames, value } of lines)
       for (let at = 0; at < frames; at++) {
+        if (Number.isNaN(value(at))) continue;
         low = Math.min(low, value(at));
         high = Math.max(high, value(at));
       }
     if (!(high > low)) high = low + 1;
-    const x = at => 44 + (width - 50) * at / Math.max(1, frames - 1);
-    const y = value => height - 8 - (height - 24) * (value - low) / (high - low);
+    const x = across(width), y = value => height - 8 - (height - 24) * (value - low) / (high - low);
     const titles = cast[0].scene.lines.map(([name]) => name);
     pen.font = "10px sans-serif";
     pen.fillStyle = theme().muted;
@@ -169,7 +196,7 @@
     pen.fillText(+high.toPrecision(3), 40, y(high) + 4);
     pen.fillText(+low.toPrecision(3), 40, y(low));
     pen.textAlign = "left";
-    pen.fillText(cast.length > 1 ? titles[0] : titles.join(", "), 46, 9);
+    pen.fillText(cast.length > 1 ? titles[0] ?? "" : titles.join(", "), 46, 9);
     pen.lineWidth = 1.2;
     for (const line of lines) {
       pen.strokeStyle = line.colour;
@@ -177,11 +204,6 @@
       for (let at = 0; at < line.frames; at++) pen.lineTo(x(at), y(line.value(at)));
       pen.stroke();
     }
-    pen.strokeStyle = theme().ink;
-    pen.beginPath();
-    pen.moveTo(x(frame), 12);
-    pen.lineTo(x(frame), height - 4);
-    pen.stroke();
   }
 
   const paint = share => { if (cast.length) stage.draw(frame, still.matches ? 0 : share); };
@@ -230,7 +252,7 @@
   }
 
   function tick(now) {
-    if (!playing) return;
+    if (!playing || !cast.length) return;
     const passed = Math.max(0, now - last) / 1000; // the first frame may have begun before the click
     owed += passed * SPEEDS[speed.selectedIndex] / cast[0].scene.seconds;
     last = now;

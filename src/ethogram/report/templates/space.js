@@ -7,7 +7,7 @@ function spaceStage(canvas, theme, laneColour) {
   const LIGHT = [-0.5, -0.8, 2.0];
   const AXES = [0, 1, 2];
   const DAMP = 0.0002; // m: how high above the floor shadows lie
-  let robots = [], size = 0.1, spacing = 0, fit = 1, following = true;
+  let robots = [], middles = [], size = 0.1, spacing = 0, fit = 1, following = true;
 
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
   const camera = new THREE.PerspectiveCamera(FIELD, 1, 0.001, 100);
@@ -49,6 +49,7 @@ function spaceStage(canvas, theme, laneColour) {
     cast.add(voxels, shadow);
     const low = [Infinity, Infinity, Infinity], high = low.map(bound => -bound);
     arrays.position.forEach((value, index) => {
+      if (Number.isNaN(value)) return;
       const axis = index % 3;
       low[axis] = Math.min(low[axis], value);
       high[axis] = Math.max(high[axis], value);
@@ -61,6 +62,7 @@ function spaceStage(canvas, theme, laneColour) {
   function extent(points) { // along x
     let low = Infinity, high = -Infinity;
     for (let at = 0; at < points.length; at += 3) {
+      if (Number.isNaN(points[at])) continue;
       low = Math.min(low, points[at]);
       high = Math.max(high, points[at]);
     }
@@ -133,9 +135,15 @@ function spaceStage(canvas, theme, laneColour) {
       return here + on * (array[width * (then + shape) + axis] - here);
     };
     const middle = [0, 0, 0];
+    let shown = 0;
     for (let shape = 0; shape < count; shape++) {
       place.set(...AXES.map(axis => between(arrays.position, 3, shape, axis)));
-      for (const axis of AXES) middle[axis] += place.getComponent(axis) / count;
+      const hidden = arrays.tint[first + shape] < 0;
+      if (hidden) place.set(0, 0, 0);
+      else {
+        for (const axis of AXES) middle[axis] += place.getComponent(axis);
+        shown += 1;
+      }
       place.y -= lane * spacing;
       turn.set(0, 0, 0, 1);
       if (arrays.orientation) {
@@ -143,7 +151,6 @@ function spaceStage(canvas, theme, laneColour) {
         if (on > 0) turn.slerp(turned(arrays.orientation, then + shape, next), on);
       }
       const grown = arrays.scale ? between(arrays.scale, 1, shape, 0) : 1;
-      const hidden = arrays.tint[first + shape] < 0;
       stretch.setScalar(hidden ? 0 : 2 * scene.shapes[shape][1] * grown);
       matrix.compose(place, turn, stretch);
       voxels.setMatrixAt(shape, matrix);
@@ -153,6 +160,7 @@ function spaceStage(canvas, theme, laneColour) {
     }
     voxels.instanceMatrix.needsUpdate = shadow.instanceMatrix.needsUpdate = true;
     voxels.instanceColor.needsUpdate = true;
+    for (const axis of AXES) middle[axis] /= Math.max(1, shown);
     robot.label?.position.set(middle[0], middle[1] - lane * spacing, middle[2] + 2.2 * robot.edge);
     return middle;
   }
@@ -164,6 +172,7 @@ function spaceStage(canvas, theme, laneColour) {
 
   // The camera keeps its direction and moves with the robots, farther away as they part.
   function follow(middles) {
+    if (!(camera.aspect > 0)) camera.aspect = 1; // before it was ever in sight
     const across = middles.map(([x]) => x);
     const first = Math.min(...across), last = Math.max(...across);
     const wide = last - first + 2.6 * size;
@@ -177,7 +186,7 @@ function spaceStage(canvas, theme, laneColour) {
   }
 
   function reset() {
-    fit = 1;
+    fit = 1; // until it follows, once at least
     const distance = 0.5 / Math.tan(FIELD * Math.PI / 360);
     camera.position.set(...VIEW).normalize().multiplyScalar(1.15 * distance).add(controls.target);
   }
@@ -196,7 +205,8 @@ function spaceStage(canvas, theme, laneColour) {
     keys: {
       a: () => orbit(-0.15, 0, 1), d: () => orbit(0.15, 0, 1),
       w: () => orbit(0, 0.1, 1), s: () => orbit(0, -0.1, 1),
-      "+": () => orbit(0, 0, 0.85), "-": () => orbit(0, 0, 1 / 0.85), 0: reset,
+      "+": () => orbit(0, 0, 0.85), "-": () => orbit(0, 0, 1 / 0.85),
+      0: () => { reset(); follow(middles); },
     },
     whenTurned: redraw => controls.addEventListener("change", redraw),
     zoom: allowed => { controls.enableZoom = allowed; },
@@ -214,15 +224,17 @@ function spaceStage(canvas, theme, laneColour) {
       });
       layFloor();
       reset();
-      follow(robots.map(each => pose(each, 0, 0)));
+      middles = robots.map(each => pose(each, 0, 0));
+      follow(middles);
     },
     restyle: layFloor,
     draw(frame, share) {
       const width = canvas.clientWidth, height = canvas.clientHeight;
+      if (!width || !height) return; // not in sight
       renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
       renderer.setSize(width, height, false);
       camera.aspect = width / height;
-      const middles = robots.map(each => pose(each, frame, share));
+      middles = robots.map(each => pose(each, frame, share));
       if (following) follow(middles);
       camera.near = camera.position.distanceTo(controls.target) / 50;
       camera.far = 200 * camera.near;
