@@ -30,6 +30,38 @@ from ethogram.core.scene import Shape
 from ethogram.report import Replay, StudyPage, write, write_replay
 from ethogram.report.replay import packed
 
+NASTY = (
+    "</script>",
+    "<script>window.ran=1</script>",
+    "<!--",
+    "-->",
+    "]]>",
+    "<img src=x onerror=alert(1)>",
+    '"',
+    "'",
+    "`${window.ran=1}`",
+    "&lt;",
+    "&",
+    "<",
+    ">",
+    "\\",
+    "\\u003c",
+    "\u2028",
+    "\u202e",
+    "\u05e9",
+    "\u0645\u0631",
+    "\U0001f916",
+    "e\u0301",
+    "{{ 7 * 7 }}",
+    "{% raw %}",
+    "javascript:alert(1)",
+    "=1+1",
+    "\t",
+    " ",
+    "%3Cb%3E",
+    "\x7f",
+    "\ufeff",
+)
 RECORDS = Path(__file__).parents[2] / "docs" / "results" / "records"
 WORLDS = ("sharing", "language", "publishing")
 
@@ -246,6 +278,45 @@ def test_text_of_a_scene_is_shown_and_never_run(
         "document.body.append(s); return window.ran === 1 }"
     )
     assert not ran
+
+
+def test_drawn_texts_are_shown_letter_by_letter_and_never_run(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    rng = np.random.default_rng(6)
+    texts = ["".join(rng.choice(NASTY, rng.integers(1, 6))) for _ in range(3 * FRAMES)]
+    captions, chapters, names = (tuple(texts[at::3]) for at in range(3))
+    scene = crossing(
+        captions=captions,
+        chapters=chapters,
+        palette=names[:2],
+        shapes=(Shape("circle", 0.8, names[2]),),
+        words=names[3:4],
+        said=np.zeros((FRAMES, 1), int),
+        series={names[4]: np.zeros((FRAMES, 1))},
+    )
+    cases = [Replay(name=f"{number} {name}", scene=scene) for number, name in enumerate(names[:10])]
+    write_replay(tmp_path / "replay.html", names[5], cases)
+    page = open_tab()
+    dialogs: list[str] = []
+    page.on("dialog", lambda dialog: dialogs.append(dialog.message))
+    page.goto((tmp_path / "replay.html").as_uri())
+    until(page, lambda: frames(page) > 0)
+
+    def said(part: str) -> list[str]:
+        return page.eval_on_selector_all(part, "found => found.map(each => each.textContent)")
+
+    seen = []
+    for frame in range(FRAMES):
+        page.locator("[data-part=frame]").fill(str(frame))
+        seen += said("[data-part=caption]")
+    assert tuple(seen) == captions
+    begun = [name for at, name in enumerate(chapters) if not at or name != chapters[at - 1]]
+    assert said("[data-part=chapter] option") == begun
+    assert said("[data-part=legend] li span:last-child") == list(names[:2])
+    assert said("[data-part=scene] option") == [case.name for case in cases]
+    assert page.evaluate("window.ran") is None
+    assert dialogs == []
 
 
 def test_a_damaged_scene_shows_a_message_not_a_blank(
