@@ -8,9 +8,8 @@ from tests.studies.fuzzing import drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import TooLarge
-from ethogram.core.rollout import Transition
 from ethogram.core.scene import Scene
-from ethogram.core.world import Outcome
+from ethogram.core.world import Outcome, Transition
 from ethogram.studies import sharing as study
 from ethogram.studies.sharing import compute
 from ethogram.studies.sharing import results as measure

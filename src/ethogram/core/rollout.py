@@ -19,26 +19,9 @@ from ethogram.core.batching import in_any_copy
 from ethogram.core.errors import EthogramError
 from ethogram.core.memory import require_memory
 from ethogram.core.scene import Scene
-from ethogram.core.world import Outcome, PerRole, World
+from ethogram.core.world import Outcome, PerRole, Transition, World
 
 Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
-
-
-class Transition(eqx.Module):
-    """A step of a rollout; in a trajectory every array has the steps as its leading axis.
-
-    `world.step(key, before, action)` gives `state` and `outcome` again.  `outcome.observation` is
-    that of the state reached; where an episode ended there, it is its final observation, while
-    the next transition's `observation` is that of the new episode.
-    """
-
-    key: Key[Array, "..."]  # the world's chance
-    before: Any  # the state left
-    observation: PerRole
-    action: PerRole
-    outcome: Outcome
-    state: Any  # the state reached
-    last: Bool[Array, ""]  # whether the episode ended with this step
 
 
 class Position(eqx.Module):

@@ -6,19 +6,16 @@ Agents are an array axis and roles are the keys: a world with movers and talkers
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import equinox as eqx
 from jax import Array
-from jaxtyping import Key, PyTree
+from jaxtyping import Bool, Key, PyTree
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene
 from ethogram.core.settings import check_settings
 from ethogram.core.spaces import Space
-
-if TYPE_CHECKING:  # rollouts are of worlds
-    from ethogram.core.rollout import Transition
 
 PerRole = dict[str, Array]  # an array per role; the leading axis counts the role's agents
 State = PyTree[Array]  # a world's own state: arrays only
@@ -47,6 +44,23 @@ class Outcome(eqx.Module):
     terminated: PerRole  # Bool[n] per role
     truncated: PerRole  # Bool[n] per role
     metrics: dict[str, Array] = eqx.field(default_factory=dict)
+
+
+class Transition(eqx.Module):
+    """A step of a rollout; in a trajectory every array has the steps as its leading axis.
+
+    `world.step(key, before, action)` gives `state` and `outcome` again.  `outcome.observation` is
+    that of the state reached; where an episode ended there, it is its final observation, while
+    the next transition's `observation` is that of the new episode.
+    """
+
+    key: Key[Array, "..."]  # the world's chance
+    before: Any  # the state left
+    observation: PerRole
+    action: PerRole
+    outcome: Outcome
+    state: Any  # the state reached
+    last: Bool[Array, ""]  # whether the episode ended with this step
 
 
 class World(eqx.Module):
@@ -81,7 +95,7 @@ class World(eqx.Module):
     def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
         """Apply one action per agent."""
 
-    def scene(self, trajectory: "Transition") -> Scene:
+    def scene(self, trajectory: Transition) -> Scene:
         """What the first episode of a rollout looked like, as plain data.
 
         A world that can be shown has a method of its own for it, which begins with

@@ -9,14 +9,14 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
-from ethogram.core.rollout import Policy, Transition, rollout
+from ethogram.core.rollout import Policy, rollout
 from ethogram.core.settings import Number
-from ethogram.core.world import PerRole
+from ethogram.core.world import PerRole, Transition
 from ethogram.learners.maddpg import MADDPG, Learned
 from ethogram.learners.returns import discounted
 from ethogram.studies.language.metrics import causal_influence
 from ethogram.worlds.language import Language, State
-from ethogram.worlds.language.world import distances
+from ethogram.worlds.language.state import distances
 
 LISTENED = 20  # episodes in whose states talkers are made to say every word in turn
 _EPISODES = "episodes"  # the axis of episodes played side by side

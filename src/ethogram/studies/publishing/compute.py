@@ -35,7 +35,8 @@ from ethogram.worlds.publishing.indicators import INDICATORS
 from ethogram.worlds.publishing.learnable import Learnable
 from ethogram.worlds.publishing.literature import first_block
 from ethogram.worlds.publishing.scene import Glimpse, glimpse, record
-from ethogram.worlds.publishing.world import TOP, State
+from ethogram.worlds.publishing.state import State
+from ethogram.worlds.publishing.world import TOP
 
 AUTHOR_STEPS_PER_SECOND = 8e5  # one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 15.0

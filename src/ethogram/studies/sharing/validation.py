@@ -9,9 +9,10 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
 from ethogram.core.keys import fold_in
-from ethogram.core.rollout import Transition, rollout
+from ethogram.core.rollout import rollout
+from ethogram.core.world import Transition
 from ethogram.learners.qlearning import Learned, QLearning
-from ethogram.worlds.sharing.world import Sharing, State
+from ethogram.worlds.sharing import Sharing, State
 
 ACTS = ("confirm, silent", "confirm, speaking", "change, silent", "change, speaking")
 TRANSITION_BYTES = 64  # about what one agent's step takes while an episode is watched

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ethogram.core.scene import Scene, Shape
-from ethogram.worlds.language.world import State, distances
+from ethogram.worlds.language.state import State, distances
 
 ROBOT, TARGET = 0.025, 0.035  # radius and half an edge; the targets lie in a square of side 1
 MARGIN = 0.1

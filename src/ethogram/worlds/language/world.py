@@ -29,20 +29,21 @@ from functools import cache
 from itertools import permutations
 from typing import Annotated, Literal
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Bool, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box, Simplex
-from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.core.world import Outcome, PerRole, Role, Transition, World
+from ethogram.worlds.language.scene import record
+from ethogram.worlds.language.state import State, distances
 
 Dynamics = Literal["damped", "literal"]
 Execution = Literal["soft", "hard"]
@@ -50,18 +51,6 @@ Execution = Literal["soft", "hard"]
 DAMPING, ACCELERATION = 0.75, 0.05  # of the particle environments, per step
 #        none   up      right   down     left
 MOVES = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))
-
-
-class State(eqx.Module):
-    """Robots, targets, who knows what, and what was said."""
-
-    position: Float[Array, "robot 2"]
-    velocity: Float[Array, "robot 2"]
-    target: Float[Array, "target 2"]
-    guides: Int[Array, "robot"]  # the robot whose target this robot knows
-    goal: Int[Array, "robot"]  # this robot's own target, which it does not know
-    said: Float[Array, "robot word"]  # by each robot a step ago; word 0 is silence
-    time: Int[Array, ""]  # steps since the start
 
 
 class Language(World):
@@ -174,8 +163,6 @@ class Language(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The first episode: its start, and the state reached in each step."""
-        from ethogram.worlds.language.scene import record  # which knows this module
-
         episode = first_episode(trajectory)
         return record(jax.tree.map(lambda part: part[0], episode.before), episode.state)
 
@@ -204,11 +191,6 @@ class Language(World):
             action["talker"],
             state.time + 1,
         )
-
-
-def distances(state: State) -> Float[Array, "robot"]:
-    """Manhattan distance of each robot from its own target."""
-    return jnp.abs(state.target[state.goal] - state.position).sum(-1)
 
 
 @cache

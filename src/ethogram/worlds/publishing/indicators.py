@@ -17,7 +17,7 @@ from jax import Array
 from jaxtyping import Float
 
 from ethogram.core.registry import Registry
-from ethogram.worlds.publishing.world import State
+from ethogram.worlds.publishing.state import State
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,12 @@ from jax import Array
 from jaxtyping import Float, Int, Key
 
 from ethogram.core.keys import branch
-from ethogram.core.rollout import Transition
 from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete
-from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.publishing.policies import Ranking, RolePolicy
+from ethogram.worlds.publishing.state import State as Inner
 from ethogram.worlds.publishing.world import Publishing
-from ethogram.worlds.publishing.world import State as Inner
 
 IMPACT_MAX = 20.0
 MOVES = 3  # down, stay, up

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from ethogram.core.scene import Scene, Shape
 from ethogram.core.world import Outcome
-from ethogram.worlds.publishing.world import State
+from ethogram.worlds.publishing.state import State
 
 SHOWN = 30  # authors at most, evenly chosen by quality
 FRAME_SECONDS = 0.25

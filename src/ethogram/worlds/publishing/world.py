@@ -35,11 +35,11 @@ from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.errors import TooLarge
 from ethogram.core.keys import branch, gaussian, unit, words
 from ethogram.core.memory import readable_count, require_memory
-from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
-from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.publishing.citations import Standing, cite, rise
 from ethogram.worlds.publishing.impact_2018 import Sources
 from ethogram.worlds.publishing.initial import (
@@ -63,33 +63,11 @@ from ethogram.worlds.publishing.literature import (
     draws_for,
     first_block,
 )
+from ethogram.worlds.publishing.scene import glimpse, record_steps
+from ethogram.worlds.publishing.state import Drafts, State
 
 ACCEPT_ALL = -1.0  # an editor's action below 0: whatever the quality
 TOP = LEVELS - 1
-
-
-class Drafts(eqx.Module):
-    """What authors are working on."""
-
-    level: Int[Array, "author"]  # of quality
-    cited: Int[Array, "author reference"]  # papers; -1: none
-    rejections: Int[Array, "author"]
-
-
-class State(eqx.Module):
-    """Authors, drafts, papers and journals."""
-
-    quality: Float[Array, "author"]  # of authors, in [0, q_max]
-    drafts: Drafts
-    standing: Standing
-    literature: Literature
-    qualities: Qualities
-    window: Int[Array, "journal 2"]  # papers of the year before, and of the one before that
-    this_year: Int[Array, "journal"]  # papers
-    received: Int[Array, "journal"]  # citations this year of papers in the window
-    impact: Float[Array, "journal"]  # of the last complete year
-    rejected: Int[Array, "journal"]
-    time: Int[Array, ""]  # steps
 
 
 class Out(eqx.Module):
@@ -261,8 +239,6 @@ class Publishing(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The steps of the first episode, two frames each: what is written, what becomes of it."""
-        from ethogram.worlds.publishing.scene import glimpse, record_steps  # they know this module
-
         episode = first_episode(trajectory)
         return record_steps(
             f"{self.authors} authors, {self.journals} journals",

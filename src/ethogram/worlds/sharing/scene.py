@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ethogram.core.scene import Scene, Shape
-from ethogram.worlds.sharing.world import State
+from ethogram.worlds.sharing.state import State
 
 AGENT, RESOURCE = 0.35, 1.2  # radius and half an edge; agents stand one unit apart
 FRAME_SECONDS = 0.4

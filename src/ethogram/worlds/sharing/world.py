@@ -29,31 +29,24 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import TooLarge, UnknownName
 from ethogram.core.memory import readable_count
-from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
 from ethogram.core.settings import setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, MultiDiscrete
-from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.sharing.reward import REWARDS, Reading, Scenario, reward_of_filling
 from ethogram.worlds.sharing.rows import Communication, Group, joint_rows, ranking
+from ethogram.worlds.sharing.scene import record
+from ethogram.worlds.sharing.state import State
 
 Agents = Annotated[int, Field(ge=1, le=10_000)]
 Resources = Annotated[int, Field(ge=1, le=100)]
 Steps = Annotated[int, Field(ge=1, le=1_000_000)]
-
-
-class State(eqx.Module):
-    """Where the agents are, what they want, who spoke."""
-
-    resource: Int[Array, "agent"]  # u', 0 = none
-    preference: Int[Array, "agent"]  # u'', 0 = none
-    spoke: Bool[Array, "agent"]  # whether the word W = (u', u'') was said
-    time: Int[Array, ""]  # steps since the start
 
 
 class Census(eqx.Module):
@@ -144,8 +137,6 @@ class Sharing(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The states that the first episode reached, one per step."""
-        from ethogram.worlds.sharing.scene import record  # which knows this module
-
         episode = first_episode(trajectory)
         reward = np.asarray(episode.outcome.reward["agent"])
         return record(episode.state, reward, self.resources, title="Sharing: one episode")

@@ -25,11 +25,11 @@ from jaxtyping import Float, Int, Key
 from pydantic import AfterValidator, Field
 
 from ethogram.core.errors import EthogramError, InvalidSettings
-from ethogram.core.rollout import Transition, first_episode
+from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box
-from ethogram.core.world import Outcome, PerRole, Role, World
+from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.physics.beams3d import Lattice, Material, State, at_rest, centre, lattice, step
 from ethogram.worlds.softbody3d.bodies import BODIES, Body, cells_of, layers
 from ethogram.worlds.softbody3d.gravity import Program, program
