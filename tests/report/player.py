@@ -82,3 +82,13 @@ def until(page: Page, met: Callable[[], bool]) -> None:
             return
         page.wait_for_timeout(20)
     pytest.fail("it did not happen within eight seconds")
+
+
+def heard(page: Page) -> tuple[list[str], list[str]]:
+    """What the page will ask for, and what it will complain of, as it happens."""
+    asked: list[str] = []
+    complaints: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    return asked, complaints

@@ -19,6 +19,7 @@ from tests.report.player import (
     centre,
     crossing,
     frames,
+    heard,
     opened,
     pixels,
     until,
@@ -210,11 +211,7 @@ def test_stored_scenes_of_each_world_are_drawn_and_move(
 ) -> None:
     width = 1280 if scheme == "light" else 390
     page = open_tab(width=width, color_scheme=scheme)
-    asked: list[str] = []
-    complaints: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: complaints.append(message.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
+    asked, complaints = heard(page)
     manifests = sorted((RECORDS / world / "manifests").iterdir())
     stored = [json.loads(manifest.read_text())["content"] for manifest in manifests]
     case = next(each["case"]["name"] for each in stored if "scene" in each["layout"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page
-from tests.report.player import HOSTILE, at, frames, opened, pixels, until
+from tests.report.player import HOSTILE, at, frames, heard, opened, pixels, until
 
 from ethogram import cli
 from ethogram.core.scene import Scene, Shape
@@ -168,11 +168,7 @@ def test_stored_robots_are_drawn_and_move(
 ) -> None:
     width = 1280 if scheme == "light" else 390
     page = open_tab(width=width, color_scheme=scheme)
-    asked: list[str] = []
-    complaints: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: complaints.append(message.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
+    asked, complaints = heard(page)
     manifest = sorted((RECORDS / "sensing" / "manifests").iterdir())[0]
     case = json.loads(manifest.read_text())["content"]["case"]["name"]
     file = tmp_path / "replay.html"
