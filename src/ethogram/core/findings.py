@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Verdict = Literal["confirmed", "refuted", "undecided", "not run"]
+Side = Literal["at least", "more than", "at most", "less than", "within"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +47,22 @@ class Figure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Revision:
+    """A change to the test of a claim after it was first stated."""
+
+    date: str  # "2026-11-29"
+    change: str
+    reason: str
+    known: str  # which results had been seen by then
+
+
+@dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A claim stated before the run, and what the run says of it.
+    """A claim with its pre-stated test, and what the run says of it.
 
     The unit of evidence is the independent trial.  `low` and `high` bound the effect at the
-    level that Holm's correction over the study's claims leaves to this claim.
+    level that Holm's correction over the study's claims leaves to this claim.  `side`, `margin`
+    and `compared` are those of the part that decided.
     """
 
     number: int
@@ -64,3 +76,9 @@ class Claim:
     p_value: float | None  # corrected
     verdict: Verdict
     note: str = ""  # the part that decided, or what is missing
+    side: Side | None = None  # where the claim puts the effect, relative to the margin
+    margin: float | None = None  # in `unit`; "within": the effect lies between -margin and margin
+    compared: str = ""  # the deciding comparison in words, "0.9 I(always) - I(optional)"
+    stated: str = ""  # the date on which the test was first stated
+    history: tuple[Revision, ...] = ()  # changes since then, oldest first
+    depends_on: tuple[str, ...] = ()  # measures or readings under which the verdict is another

@@ -24,18 +24,17 @@ those of the test.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from ethogram.core.findings import Claim, Measured, Verdict
+from ethogram.core.findings import Claim, Measured, Side, Verdict
 
 FAMILY_ERROR = 0.05  # chance of one wrong verdict or more among a study's claims
 ROUNDING = 1e-9  # relative to an effect's terms: differences below it are floating point's
 
-Side = Literal["at least", "more than", "at most", "less than", "within"]
 Floats = NDArray[np.floating[Any]]
 
 

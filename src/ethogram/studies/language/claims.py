@@ -27,11 +27,11 @@ from itertools import pairwise
 import numpy as np
 
 from ethogram.campaign.study import Records
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.language import results as measure
 from ethogram.studies.language.plan import CURVE, SELECTED, Condition
 from ethogram.studies.language.results import SETTINGS, Results, Setting
-from ethogram.studies.statistics import ClaimSpec, Part, Side, Terms, Trials, difference, judge
+from ethogram.studies.statistics import ClaimSpec, Part, Terms, Trials, difference, judge
 
 EPISODES = 20_000  # of training, that the chapter speaks of
 AT_LEAST_AS_GOOD = 0.05  # of R_val

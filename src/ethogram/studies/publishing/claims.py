@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ethogram.campaign.study import Records
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.publishing.condition import (
     AUTHOR_LEARNS,
     EDITOR_LEARNS,
@@ -42,7 +42,7 @@ from ethogram.studies.publishing.results import (
     share_of_few,
     skewness,
 )
-from ethogram.studies.statistics import ClaimSpec, Part, Side, judge
+from ethogram.studies.statistics import ClaimSpec, Part, judge
 
 EPISODES = 300  # of training, that the chapter's figures are after (sheet of the study)
 STRONG, TELLS, LOOSE = 0.7, 0.5, 0.5

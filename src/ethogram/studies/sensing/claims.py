@@ -27,7 +27,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ethogram.campaign.study import Records
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.sensing.behaviour import silhouettes, spreads
 from ethogram.studies.sensing.condition import (
     FITNESS,
@@ -48,7 +48,6 @@ from ethogram.studies.sensing.results import (
 from ethogram.studies.statistics import (
     ClaimSpec,
     Part,
-    Side,
     Terms,
     Trials,
     contributions,

@@ -13,7 +13,7 @@ reached first.  No verdict changed.
 from functools import partial
 from typing import NamedTuple
 
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import SHOWN
 from ethogram.studies.sharing.plan import (
@@ -25,7 +25,7 @@ from ethogram.studies.sharing.plan import (
     filling_word,
 )
 from ethogram.studies.sharing.results import CLOSE, Measure, Records, Results
-from ethogram.studies.statistics import ClaimSpec, Part, Side, Terms, Trials, difference, judge
+from ethogram.studies.statistics import ClaimSpec, Part, Terms, Trials, difference, judge
 from ethogram.worlds.sharing.reward import Scenario
 
 J_MARGIN = 0.02  # of the largest possible return
