@@ -76,8 +76,19 @@ def test_a_record_holds_what_the_pages_need(ran):
     assert results.attrs["layers"] == "####"
     assert (np.diff(results.fitness.values, axis=1) >= 0).all(), "the best is never lost"
     assert np.isfinite(results.distance.values).all()
-    scene = Scene.from_dataset(record["scene"])
-    assert scene.position.shape == (2, 4, 3)
+    groups = ["scene", "scene-2", "scene-3"][: settings.trials]
+    assert [group for group in record if group != "results"] == groups
+    for group in groups:
+        assert Scene.from_dataset(record[group]).position.shape == (2, 4, 3)
+
+
+def test_the_first_trials_are_shown_in_their_order(ran):
+    _, record, _ = ran
+    first = record["results"].path.sel(scenario="fitness", axis="x").values[:, -1]
+    shown = [
+        record[group].position.values[-1, :, 0].mean() for group in record if group != "results"
+    ]
+    np.testing.assert_allclose(shown, first[: len(shown)], rtol=1e-4)
 
 
 def test_the_best_travels_its_fitness_when_it_is_simulated_again(ran):

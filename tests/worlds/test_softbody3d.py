@@ -1,4 +1,5 @@
 import re
+from fractions import Fraction
 
 import equinox as eqx
 import hypothesis.strategies as st
@@ -169,6 +170,15 @@ def test_time_runs_out_after_the_steps_and_nothing_terminates(played):
     truncated = [bool(outcome.truncated["robot"][0]) for outcome in played[2]]
     assert truncated == [False] * 59 + [True]
     assert not any(outcome.terminated["robot"][0] for outcome in played[2])
+
+
+def test_the_clock_is_right_after_ten_million_steps():
+    world = SoftBody3D(body="#", steps=10**7)
+    state, _ = world.reset(jax.random.key(0))
+    late = eqx.tree_at(lambda each: each.steps, state, jnp.int32(10**7))
+    periods = Fraction(float(world.frequency)) * Fraction(float(world.material.time_step)) * 10**7
+    angle = 2 * np.pi * float(periods % 1)
+    np.testing.assert_allclose(world.sense(late).clock, [np.sin(angle), np.cos(angle)], atol=1e-6)
 
 
 def test_a_robot_that_breaks_terminates_and_earns_nothing():

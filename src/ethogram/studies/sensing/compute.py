@@ -15,6 +15,7 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.scene import RECORDED, grouped
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
 from ethogram.learners.train import even_chunk, train
@@ -57,13 +58,14 @@ class Race(eqx.Module):
 
 
 class Watch(eqx.Module):
-    """What is recorded: where every robot is, and all of the first one's voxels."""
+    """What is recorded: where every robot is, and all voxels of the first ones."""
 
     world: SoftBody3D
+    first: int = eqx.field(static=True)  # how many
 
     def __call__(self, state: State) -> dict[str, Any]:
         """Look at robots side by side."""
-        first = Pose(*(part[..., :1] for part in pose(state)))
+        first = Pose(*(part[..., : self.first] for part in pose(state)))
         return {"centre": centre(self.world.lattice, state), "first": first}
 
 
@@ -76,7 +78,8 @@ def cost(case: Case) -> Cost:
     robots = settings.trials * (individuals + scenarios)
     genes = controller_of(settings).genes
     samples = settings.world.steps // settings.record_every
-    watched = settings.trials * scenarios * 2 * samples + samples * lattice.voxels * 8
+    shown = min(RECORDED, settings.trials)
+    watched = settings.trials * scenarios * 2 * samples + shown * samples * lattice.voxels * 8
     pairs = len(lattice.left.voxel)
     side_by_side = settings.trials * max(learner.population + 1, scenarios)
     return Cost(
@@ -94,8 +97,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Evolve and validate all trials of a case.
 
     Returns:
-        `results` (dimensions trial, generation, gene, scenario, axis, sample) and `scene`, the
-        first trial's best robot.
+        `results` (dimensions trial, generation, gene, scenario, axis, sample) and, as `scene`,
+        `scene-2`, ..., the best robots of the first trials under the first scenario.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -108,13 +111,16 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     genome, _ = best(population)
     seen = jax.tree.map(np.asarray, _validate(settings, genome))
     material = world_of(settings).material
-    scene = record(
-        condition_of(settings).words,
-        Pose(*(frames[..., 0] for frames in seen.seen["first"])),
-        resting=float(material.edge),
-        seconds=settings.record_every * float(material.time_step),
-    )
-    return {"results": _label(settings, curves, genome, seen), "scene": scene.to_dataset()}
+    scenes = [
+        record(
+            condition_of(settings).words,
+            Pose(*(frames[..., trial] for frames in seen.seen["first"])),
+            resting=float(material.edge),
+            seconds=settings.record_every * float(material.time_step),
+        )
+        for trial in range(min(RECORDED, settings.trials))
+    ]
+    return {"results": _label(settings, curves, genome, seen), **grouped(scenes)}
 
 
 def learner_of(settings: Settings) -> AgeFitness:
@@ -175,7 +181,7 @@ def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> Journey
         controller_of(settings),
         jnp.tile(genome.T, (1, len(schedules))),
         jnp.repeat(jnp.stack(schedules, -1), len(genome), -1),
-        watch=Watch(world),
+        watch=Watch(world, min(RECORDED, settings.trials)),
         every=settings.record_every,
     )
 

@@ -24,7 +24,7 @@ from ethogram.worlds.softbody3d.controllers import (
 NAME = "sensing"
 # Goes up whenever the same settings would give other numbers: also with the sizes of blocks in
 # `worlds.softbody3d.locomotion`, on which the last bits depend.
-VERSION = "1"
+VERSION = "2"
 
 Law = Literal[Actuation, Output]
 Surface = Literal["even", "uneven"]

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from ethogram.core.clock import phase
 from ethogram.core.settings import Number
 from ethogram.physics.beams3d import Lattice, Material, State, sensed_scale
 
@@ -50,13 +51,13 @@ def sense(
         frequency: of the clock (Hz).
 
     """
-    phase = 2 * jnp.pi * frequency * state.steps * material.time_step
+    angle = phase(state.steps, frequency, material.time_step)
     scales = sensed_scale(lattice, state) if scale == "strain" else state.edge / material.edge
     return Sensors(
         scale=scales,
         speed=_norm(state.momentum) / material.mass,
         acceleration=_norm(state.force) / material.mass * acceleration_scale,
-        clock=jnp.stack([jnp.sin(phase), jnp.cos(phase)]).astype(scales.dtype),
+        clock=jnp.stack([jnp.sin(angle), jnp.cos(angle)]).astype(scales.dtype),
     )
 
 
