@@ -46,8 +46,8 @@ bench: $(READY)  ## measure speed and memory, beside the peers where there are a
 	$(INSTALL) --editable '.[dev,bench]'
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 
-constraints:  ## choose the newest allowed version of every dependency (needs uv)
-	uv pip compile --universal --all-extras --upgrade --python-version 3.11 --quiet \
+constraints: $(READY)  ## choose the newest allowed version of every dependency
+	$(BIN)/uv pip compile --universal --all-extras --upgrade --python-version 3.11 --quiet \
 		--no-header --no-annotate pyproject.toml --output-file constraints.txt
 
 $(READY): $(REQUIREMENTS) | $(BIN)/python
