@@ -4,9 +4,8 @@ import hashlib
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -147,7 +146,7 @@ def _content(kind: type[T], body: Mapping[str, Any], path: Path) -> T:
         if version != FORMAT:
             raise ValueError(f"unknown format {version!r}")
         content = canonical(body.get("content"))
-        return _adapter(kind).validate_json(content, strict=True)
+        return cast(T, _SCHEMAS[kind].validate_json(content, strict=True))
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         place = ".".join(map(str, first["loc"])) or "content"
@@ -156,11 +155,10 @@ def _content(kind: type[T], body: Mapping[str, Any], path: Path) -> T:
         raise Damaged(path, printable(str(error)[:200])) from error
 
 
-@cache
-def _adapter(kind: type[T]) -> TypeAdapter[T]:
-    """What checks and makes one of the dataclasses above."""
-    return TypeAdapter(kind)
-
-
 def _sealed(body: Mapping[str, Any]) -> bytes:
     return canonical({**body, "seal": sha256(canonical(body))}) + b"\n"
+
+
+_SCHEMAS: dict[type, TypeAdapter[Any]] = {
+    kind: TypeAdapter(kind) for kind in (Manifest, Failure, PlannedRun)
+}

@@ -65,6 +65,8 @@ def _listed(folder: Path) -> dict[str, str]:
 
 def _refuse_links(folder: Path, paths: Iterable[str]) -> None:
     """Refuse to write into another folder than that of the report, to which a link might lead."""
+    if not folder.is_dir():
+        return
     for below in {parent for path in paths for parent in Path(path).parents}:
         if below != Path():
             refuse_link(folder / below)
