@@ -9,7 +9,15 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
-from ethogram.campaign.files import Unreadable, is_file, is_there, read, refuse_link, write_whole
+from ethogram.campaign.files import (
+    Unreadable,
+    is_file,
+    is_there,
+    read,
+    refuse_link,
+    require_folder,
+    write_whole,
+)
 from ethogram.campaign.untrusted import MOST_BYTES, Hash, parsed
 from ethogram.core.errors import EthogramError
 
@@ -29,6 +37,7 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
     """
     contents = {path: text.encode(errors="replace") for path, text in files.items()}
     hashes = {path: hashlib.sha256(content).hexdigest() for path, content in contents.items()}
+    require_folder(folder)
     try:
         _refuse_links(folder, [*files, LISTING])
         known = _listed(folder)
@@ -65,8 +74,6 @@ def _listed(folder: Path) -> dict[str, str]:
 
 def _refuse_links(folder: Path, paths: Iterable[str]) -> None:
     """Refuse to write into another folder than that of the report, to which a link might lead."""
-    if not folder.is_dir():
-        return
     for below in {parent for path in paths for parent in Path(path).parents}:
         if below != Path():
             refuse_link(folder / below)
