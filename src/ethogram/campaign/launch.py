@@ -12,7 +12,7 @@ from ethogram.campaign.engines import Engine, inline
 from ethogram.campaign.files import require_folder
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now
-from ethogram.campaign.run import Job, Receipt
+from ethogram.campaign.run import Job, Receipt, shortfall
 from ethogram.campaign.sealed import PlannedRun
 from ethogram.campaign.store import State, Store
 from ethogram.campaign.study import Study
@@ -40,7 +40,7 @@ class Summary:
 
     planned: int
     stored: int
-    failures: tuple[tuple[str, str], ...]  # the case's name, its error in one line
+    failures: tuple[tuple[str, str], ...]  # name of a case without a record, and why in one line
 
 
 class Monitor(Protocol):
@@ -99,10 +99,12 @@ def launch(
     prospects = survey(study, plan, folder)
     store.create()
     store.save_planned_run(_planned_run(study, plan, prospects))
-    store.sweep()
+    notes = store.sweep()
     to_do = [found for found in prospects if found.is_to_do(retry_failed=retry_failed)]
     crew = crew_size(engine, to_do, workers)
     monitor.begin(study, len(prospects), to_do, crew)
+    for note in notes:
+        monitor.note(note)
     cases = [prospect.case for prospect in to_do]
     job = Job(study, store, wait=False, retry_failed=retry_failed)
     busy = _compute(engine, job, cases, crew, monitor)
@@ -146,14 +148,9 @@ def _planned_run(study: Study, plan: Plan[Any], prospects: Sequence[Prospect]) -
 
 
 def _summary(store: Store, cases: Sequence[Case]) -> Summary:
-    failures = []
-    stored = 0
-    for case in cases:
-        if store.manifest(case.id) is not None:
-            stored += 1
-        elif failure := store.failure(case.id):
-            failures.append((case.name, failure.error))
-    return Summary(len(cases), stored, tuple(failures))
+    found = [(case.name, shortfall(store, case.id)) for case in cases]
+    failures = tuple((name, error) for name, error in found if error is not None)
+    return Summary(len(cases), len(cases) - len(failures), failures)
 
 
 def _cores() -> int:

@@ -20,7 +20,7 @@ from rich.console import Console
 from ethogram import __version__
 from ethogram.campaign.interrupts import certain_interrupts
 from ethogram.campaign.threads import limit_threads
-from ethogram.cli.gather import collected_in, comparison_of, page_of, trials_in
+from ethogram.cli.gather import comparison_of, gathered, held_in, page_of, trials_in
 from ethogram.cli.printing import (
     claim_lines,
     finite,
@@ -94,6 +94,9 @@ ReplayTrial = Annotated[
 ]
 FolderA = Annotated[Path, Parameter(help="Folder of the one run's results.")]
 FolderB = Annotated[Path, Parameter(help="Folder of the other run's results.")]
+ReportOut = Annotated[
+    Path | None, Parameter(name="--out", help="Folder to write to; by default that of the results.")
+]
 CompareOut = Annotated[
     Path | None, Parameter(name="--out", help="File to write; by default compare.html in DIR_B.")
 ]
@@ -167,14 +170,14 @@ def run(
 
 
 @app.command
-def report(folder: Folder, /) -> int:
+def report(folder: Folder, /, *, out: ReportOut = None) -> int:
     """Write the report on a folder of results, from what is stored there."""
     from ethogram.report import write
 
-    found = collected_in(folder)
-    index = write(folder, [page_of(study, collected) for study, collected in found])
-    print(index)
-    return FAILED if any(collected.damages for _, collected in found) else DONE
+    found = gathered(folder)
+    pages = [page_of(study, collected) for study, collected in found.studies]
+    print(write(out or folder, pages))
+    return FAILED if found.damages else DONE
 
 
 @app.command
@@ -188,8 +191,10 @@ def replay(
     format_: ReplayFormat = None,
     trial: ReplayTrial = None,
     show: Show = True,
-) -> None:
+) -> int:
     """Show the recorded scene of a case, as a page that needs no network or as a film."""
+    from ethogram.campaign.files import refuse_link
+    from ethogram.campaign.sealed import Damaged
     from ethogram.report import write_replay
     from ethogram.report.film import write_film
     from ethogram.report.site import slug
@@ -203,11 +208,17 @@ def replay(
     written = format_ or suffix or "html"
     if written not in get_args(Format):
         raise UnknownName("format", written, get_args(Format))
-    trials = trials_in(folder, study, case)
+    try:
+        trials = trials_in(folder, study, case)
+    except Damaged as damage:
+        say(str(damage))
+        return FAILED
     if trial is not None and trial not in trials:
         raise UnknownName("recorded trial", str(trial), map(str, trials))
     which = f"-trial-{trial}" if trial is not None else ""
     file = out or folder / "report" / f"{slug(study)}-{slug(case)}{which}.{written}"
+    if out is None:
+        refuse_link(file.parent)
     shown = trials[trial or min(trials)]
     if written == "html":
         write_replay(file, study, list(trials.values()) if trial is None else [shown])
@@ -218,22 +229,27 @@ def replay(
     print(file)
     if show and written == "html":
         webbrowser.open(file.resolve().as_uri())
+    return DONE
 
 
 @app.command
-def claims(folder: Folder, /, *, as_json: AsJson = False) -> None:
+def claims(folder: Folder, /, *, as_json: AsJson = False) -> int:
     """Print the thesis' claims with their verdicts."""
-    found = {
-        study.NAME: study.claims(collected.records) for study, collected in collected_in(folder)
-    }
+    held = gathered(folder)
+    found = {study.NAME: study.claims(collected.records) for study, collected in held.studies}
     if as_json:
-        plain = {name: [finite(asdict(claim)) for claim in found[name]] for name in found}
+        plain = {
+            "claims": {name: [finite(asdict(claim)) for claim in found[name]] for name in found},
+            "records": held_in(held),
+            "damaged": held.damages,
+        }
         print(json.dumps(plain, indent=2, allow_nan=False))
-        return
-    for name, verdicts in found.items():
-        print(name)
-        for claim in verdicts:
-            print(claim_lines(claim))
+    else:
+        for name, verdicts in found.items():
+            print(name)
+            for claim in verdicts:
+                print(claim_lines(claim))
+    return FAILED if held.damages else DONE
 
 
 @app.command
@@ -245,31 +261,38 @@ def compare(
     out: CompareOut = None,
     show: Show = True,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Set two runs side by side: settings that differ, claims and, on a page, the tables.
 
     With --json the page is written as well, but not opened.
     """
     from ethogram.report import write_comparison
 
-    found = comparison_of(dir_a, dir_b)
+    found, damages = comparison_of(dir_a, dir_b)
     page = out or dir_b / "compare.html"
     write_comparison(page, found)
     if as_json:
-        print(json.dumps(plain_comparison(found, page), indent=2, allow_nan=False))
-        return
-    show_comparison(found)
-    print(page)
-    if show:
-        webbrowser.open(page.resolve().as_uri())
+        plain = {**plain_comparison(found, page), "damaged": damages}
+        print(json.dumps(plain, indent=2, allow_nan=False))
+    else:
+        show_comparison(found)
+        print(page)
+        if show:
+            webbrowser.open(page.resolve().as_uri())
+    return FAILED if damages else DONE
 
 
 @app.command
-def digest(folder: Folder, /) -> None:
+def digest(folder: Folder, /) -> int:
     """Print one hash over all stored data, the same wherever and whenever it was computed."""
     from ethogram.campaign import results
 
-    print(results.digest(folder))
+    try:
+        print(results.digest(folder))
+    except results.DamagedRecords as damage:
+        say(str(damage))
+        return FAILED
+    return DONE
 
 
 @app.command
