@@ -28,10 +28,7 @@ def storing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StorageError(
-            f"Cannot store {path}: {error.strerror or error}. Everything stored before is intact; "
-            "once there is room and permission, the same command continues from there."
-        ) from error
+        raise StorageError(f"Cannot store {path}: {error.strerror or error}.") from error
 
 
 def write_whole(path: Path, data: bytes, *, owner: str) -> None:

@@ -16,10 +16,9 @@ from ethogram.campaign.trees import (
     flatten,
     nearest,
     report,
-    shown,
     to_tree,
 )
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, shown
 
 S = TypeVar("S")
 Scalar = str | int | float | bool | None

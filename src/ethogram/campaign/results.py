@@ -50,7 +50,8 @@ class Collected:
         """Versions of the packages, all of them where records were computed by several."""
         found: dict[str, set[str]] = {}
         for manifest in self.manifests:
-            for package, version in manifest.versions.items():
+            plugin = [tuple(manifest.case.package.rsplit(" ", 1))] if manifest.case.package else []
+            for package, version in (*manifest.versions.items(), *plugin):
                 found.setdefault(package, set()).add(version)
         return {package: ", ".join(sorted(versions)) for package, versions in found.items()}
 

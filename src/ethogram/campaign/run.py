@@ -10,11 +10,11 @@ from typing import Literal
 from ethogram.campaign.case import Case
 from ethogram.campaign.context import Context
 from ethogram.campaign.files import StorageError
-from ethogram.campaign.provenance import now
+from ethogram.campaign.provenance import module_of, now
 from ethogram.campaign.sealed import Failure
 from ethogram.campaign.store import Store
 from ethogram.campaign.study import Study
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, place_of
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Job:
     store: Store
     wait: bool  # for cases that another run is computing, instead of leaving them to it
     retry_failed: bool = False  # those that failed in an earlier run
+    force: bool = False  # those, too, that are stored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +50,14 @@ def run_case(job: Job, case: Case, *, report: Callable[[float], None]) -> Receip
             return Receipt(case_id=case.id, state="busy")
         store.clear(case.id)
         notes = [f"{note} It is set aside." for note in store.set_aside_damaged(case.id)]
-        if job.retry_failed:
+        if job.retry_failed or job.force:
             store.forget_failure(case.id)
-        if store.manifest(case.id) is None and store.failure(case.id) is None:
-            notes += _compute(job.study, store, case, report)
-        failure = None if store.manifest(case.id) else store.failure(case.id)
+        there = store.manifest(case.id) is not None or store.failure(case.id) is not None
+        if job.force or not there:
+            notes += _compute(job, case, report)
+        failure = store.failure(case.id)
+        if failure and store.manifest(case.id) is not None:
+            store.forget_failure(case.id)  # the record of before stays, and is what there is
     return Receipt(
         case_id=case.id,
         state="failed" if failure else "stored",
@@ -70,14 +74,16 @@ def give_up(store: Store, case: Case, reason: str) -> Receipt:
     return Receipt(case_id=case.id, state="failed", error=reason)
 
 
-def _compute(study: Study, store: Store, case: Case, report: Callable[[float], None]) -> list[str]:
+def _compute(job: Job, case: Case, report: Callable[[float], None]) -> list[str]:
     """Run the study on a case and store what comes of it; returns notes for the user."""
+    store = job.store
     started, clock = now(), time.monotonic()
     checkpoints = store.checkpoints(case.id)
     context = Context(report, checkpoints)
     try:
-        record = study.run(case, context)
-        store.save(case, record, started=started, seconds=time.monotonic() - clock)
+        record = job.study.run(case, context)
+        seconds = time.monotonic() - clock
+        store.save(case, record, started=started, seconds=seconds, replace=job.force)
         checkpoints.clear()
     except StorageError:
         raise
@@ -85,7 +91,7 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
         store.save_failure(
             Failure(
                 case=case,
-                error=_in_one_line(error, checkpoints.newest()),
+                error=_in_one_line(error, job.study, checkpoints.newest()),
                 traceback=traceback.format_exc(),
                 started=started,
                 seconds=time.monotonic() - clock,
@@ -94,8 +100,8 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
     return context.notes
 
 
-def _in_one_line(error: Exception, checkpoint: Path | None) -> str:
+def _in_one_line(error: Exception, study: Study, checkpoint: Path | None) -> str:
     message = (str(error).strip() or "no message").splitlines()[0]
     if not isinstance(error, EthogramError):
-        message = f"{type(error).__name__}: {message}"
+        message = f"{type(error).__name__}: {message} ({place_of(error, module_of(study))})"
     return message if checkpoint is None else f"{message} (last checkpoint: {checkpoint})"

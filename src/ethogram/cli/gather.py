@@ -1,11 +1,11 @@
 """From a folder of results to what is shown of it."""
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ethogram.cli.printing import say
+from ethogram.cli.streams import readable, say
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ethogram.campaign.arrays import Record
     from ethogram.campaign.results import Collected
     from ethogram.campaign.study import Records, Study
+    from ethogram.core.findings import Claim
     from ethogram.report import Comparison, Replay, StudyPage
 
 
@@ -32,7 +33,12 @@ def collected_in(
         if name not in known:
             say(f"{store.folder} is left out: no study of the name {name!r} is installed.")
             continue
-        study, collected = STUDIES.get(name), collect(store)
+        try:
+            study = STUDIES.get(name)
+        except EthogramError as error:
+            say(readable(f"{store.folder} is left out: {error}"))
+            continue
+        collected = collect(store)
         if collected.planned.version != study.VERSION:
             raise EthogramError(
                 f"{store.folder} was computed by version {collected.planned.version} of the study "
@@ -46,15 +52,22 @@ def collected_in(
 
 def page_of(study: "Study", collected: "Collected") -> "StudyPage":
     """A study's page, with all there is to show."""
+    from ethogram.campaign.study import blamed
+
     records = collected.records
-    figures, replays = study.figures(records), _replays(records)
+    with blamed(study, "figures"):
+        figures = study.figures(records)
+    replays = _replays(records)
     return replace(undrawn_page(study, collected), figures=figures, replays=replays)
 
 
 def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
     """A page without what takes time to draw."""
+    from ethogram.campaign.study import blamed
     from ethogram.report import StudyPage
 
+    with blamed(study, "tables"):
+        tables = study.tables(collected.records)
     planned, manifests, records = collected.planned, collected.manifests, collected.records
     return StudyPage(
         name=study.NAME,
@@ -72,9 +85,17 @@ def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
         digest=collected.digest,
         settings=planned.varied_settings,
         versions=collected.versions,
-        claims=study.claims(records),
-        tables=study.tables(records),
+        claims=claims_of(study, records),
+        tables=tables,
     )
+
+
+def claims_of(study: "Study", records: "Records") -> "Sequence[Claim]":
+    """A study's claims; an error that names the place where its own code broke."""
+    from ethogram.campaign.study import blamed
+
+    with blamed(study, "claims"):
+        return study.claims(records)
 
 
 def comparison_of(dir_a: Path, dir_b: Path) -> "Comparison":
