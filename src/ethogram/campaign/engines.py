@@ -106,7 +106,7 @@ class _Crew:
                 self._employ(worker)
                 yield message
             case Refusal(reason):
-                raise StorageError(reason)
+                raise (StorageError if worker.case else EthogramError)(reason)
             case Loss(cause):
                 yield from self._replace(worker, cause)
 

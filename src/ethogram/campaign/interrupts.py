@@ -8,7 +8,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -74,14 +73,16 @@ def certain_end(sentence: Callable[[], None]) -> Iterator[None]:
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    ended = threading.Event()
 
     def watch() -> None:
-        while (number := os.read(reader, 1)[0]) not in _WORDS:
-            pass
-        _stop.signal = _stop.signal or number
-        time.sleep(_CERTAIN_SECONDS)
-        sentence()
-        os._exit(exit_code())
+        with os.fdopen(reader, "rb", buffering=0) as pipe:
+            numbers = iter(lambda: pipe.read(1), b"")  # a byte for each signal
+            number = next((each[0] for each in numbers if each[0] in _WORDS), None)
+        if number is not None and not ended.wait(_CERTAIN_SECONDS):
+            want_stop(number)
+            sentence()
+            os._exit(exit_code())
 
     threading.Thread(target=watch, daemon=True).start()
     before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
@@ -89,6 +90,8 @@ def certain_end(sentence: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         signal.set_wakeup_fd(before)
+        ended.set()
+        os.close(writer)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,7 +17,7 @@ from ethogram.campaign.sealed import PlannedRun
 from ethogram.campaign.store import State, Store
 from ethogram.campaign.study import Study, blamed
 from ethogram.campaign.trees import to_tree
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.memory import available_cores, available_memory
 
 _INTACT = (
@@ -65,18 +66,39 @@ class Monitor(Protocol):
 
 
 def survey(study: Study, plan: Plan[Any], folder: Path) -> list[Prospect]:
-    """The cases of a plan, in its order, and what there is of each in a results folder."""
-    package = package_of(study)
-    with blamed(study, "cases"):
-        cases = [replace(case, package=package) for case in study.cases(plan)]
+    """The cases of a plan, in its order, and what there is of each in a results folder.
+
+    Raises `InvalidSettings` where a world or a learner refuses what `Plan.override` let pass.
+    """
+    try:
+        cases, costs = _cases(study, plan)
+    except InvalidSettings as error:
+        changes = " ".join(_guilty(study, plan))
+        raise InvalidSettings(f"{changes}: {error}" if changes else str(error)) from error
     if len({case.name for case in cases}) < len(cases):
         raise EthogramError(f"The study {study.NAME!r} gives two cases the same name.")
     require_folder(folder)
     store = Store(folder / study.NAME)
-    with blamed(study, "cost"):
-        costs = [study.cost(case) for case in cases]
     states = [store.state(case.id) for case in cases]
     return list(map(Prospect, cases, states, costs))
+
+
+def _cases(study: Study, plan: Plan[Any]) -> tuple[list[Case], list[Cost]]:
+    package = package_of(study)
+    with blamed(study, "cases"):
+        cases = [replace(case, package=package) for case in study.cases(plan)]
+    with blamed(study, "cost"):
+        return cases, [study.cost(case) for case in cases]
+
+
+def _guilty(study: Study, plan: Plan[Any]) -> list[str]:
+    """The overrides of a plan without which it could be run; all where none of them alone will."""
+    guilty = []
+    for change in plan.overrides:
+        with suppress(EthogramError):
+            _cases(study, plan.without(change))
+            guilty.append(change)
+    return guilty or list(plan.overrides)
 
 
 def crew_size(engine: Engine, to_do: Sequence[Prospect], workers: int | None = None) -> int:

@@ -40,6 +40,12 @@ class Plan(Generic[S]):
     grid: Grid = field(default_factory=dict)
     further: tuple[Grid, ...] = ()
     overrides: tuple[str, ...] = ()  # what a user changed, as typed
+    unchanged: "Plan[S] | None" = field(default=None, repr=False, compare=False)
+
+    def without(self, assignment: str) -> "Plan[S]":
+        """The plan as it is without one of its overrides."""
+        rest = [other for other in self.overrides if other != assignment]
+        return (self.unchanged or self).override(rest)
 
     def points(self) -> list[S]:
         """The settings of every combination of the axes, the last axis varying fastest."""
@@ -97,6 +103,7 @@ class Plan(Generic[S]):
             grid=grids[0],
             further=tuple(grids[1:]),
             overrides=self.overrides + assignments,
+            unchanged=self.unchanged or self,
         )
 
 
