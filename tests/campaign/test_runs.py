@@ -401,9 +401,7 @@ def test_workers_need_nothing_of_the_program_that_the_caller_began_with(
 def test_a_study_that_no_worker_could_load_is_refused_before_one_starts(
     module, tmp_path, monkeypatch
 ):
-    study = type(
-        "Homeless", (StudyObject,), {"__module__": module, "__reduce__": object.__reduce__}
-    )
+    study = type("Homeless", (ToyObject,), {"__module__": module, "__reduce__": object.__reduce__})
     monkeypatch.setattr("ethogram.campaign.workers.subprocess.Popen", None)
     with pytest.raises(EthogramError, match=r"The study 'toy' .*use the engine 'inline'"):
         launch(study(), toy.PLANS["single"], tmp_path, engine=pool, monitor=Recorder())

@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exception: a defect of Ethogram, of whatever type, with its traceback.
 
     """
-    typed = sys.argv[1:] if arguments is None else list(arguments)
+    typed = sys.argv[1:] if arguments is None else list(map(str, arguments))
     with one_thread(), tolerant_streams() as output:  # before a command loads NumPy and JAX
         try:
             with certain_interrupts():

@@ -21,8 +21,16 @@ def _possible(kind: Any, path: Path | None) -> None:
             raise ValueError(f"{error.strerror}.") from error
 
 
+def _file(kind: Any, path: Path | None) -> None:
+    """Refuse, where a file is to be written, what can only be a folder."""
+    _possible(kind, path)
+    if path is not None and not path.name:
+        raise ValueError("It is a folder; name a file.")
+
+
 _LONGEST_NAME = f"{'x' * 64}.{'x' * 64}.safetensors"  # of a file in a store
 _PATH = Parameter(validator=_possible)
+_FILE = Parameter(validator=_file)
 
 Name = Annotated[str, Parameter(help="Name of the study; `ethogram list` shows them.")]
 PlanName = Annotated[str, Parameter(name="--plan", help="Name of the plan: smoke, quick, thesis.")]
@@ -60,7 +68,7 @@ Force = Annotated[
 DryRun = Annotated[bool, Parameter(negative=(), help="List the cases, with time and memory.")]
 CaseName = Annotated[str, Parameter(help="Name of the case; `ethogram run --dry-run` shows them.")]
 ReplayOut = Annotated[
-    Path | None, _PATH, Parameter(name="--out", help="File to write; by default one in the report.")
+    Path | None, _FILE, Parameter(name="--out", help="File to write; by default one in the report.")
 ]
 Format = Literal["html", "gif", "webp", "mp4"]
 ReplayFormat = Annotated[
@@ -81,7 +89,7 @@ FolderA = Annotated[Path, _PATH, Parameter(help="Folder of the one run's results
 FolderB = Annotated[Path, _PATH, Parameter(help="Folder of the other run's results.")]
 CompareOut = Annotated[
     Path | None,
-    _PATH,
+    _FILE,
     Parameter(name="--out", help="File to write; by default compare.html in DIR_B."),
 ]
 Show = Annotated[bool, Parameter(name="--show", negative="--no-show", help="Open it in a browser.")]
