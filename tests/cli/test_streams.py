@@ -251,7 +251,7 @@ def test_a_report_says_whose_figures_it_draws(results, monkeypatch):
 @pytest.mark.usefixtures("results")
 @pytest.mark.parametrize("out", ["", ".", "/"])
 @pytest.mark.parametrize(
-    "command", [("replay", "results", "toy", "a"), ("compare", "results", ".")]
+    "command", [("replay", "results", "toy", "a"), ("compare", "results", "results")]
 )
 def test_a_folder_where_a_file_is_to_be_written_is_one_message(command, out, ethogram):
     code, _, said = ethogram(*command, "--no-show", "--out", out)

@@ -8,6 +8,7 @@ parent's program began with.
 """
 
 import importlib
+import logging
 import os
 import pickle
 import signal
@@ -126,6 +127,7 @@ def with_messages(crew: Sequence[Worker]) -> list[Worker]:
 
 def serve(descriptor: int, *, parent: int) -> NoReturn:
     """Compute cases as they come; what a worker's process does, until it is killed."""
+    logging.lastResort = logging.NullHandler()  # nobody reads what libraries log
     pipe = Connection(descriptor)
     orders: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(pipe, orders, parent), daemon=True).start()

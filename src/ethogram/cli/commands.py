@@ -231,7 +231,7 @@ def replay(
 
 @app.command
 def claims(folder: Folder, /, *, as_json: AsJson = False) -> int:
-    """Print the thesis' claims with their verdicts."""
+    """Print the claims of the studies with their verdicts."""
     found = {}
     for study, collected in collected_in(folder):
         try:
