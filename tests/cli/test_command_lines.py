@@ -128,6 +128,16 @@ def folders(results, tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("folders")
 @pytest.mark.parametrize(
+    "command", [("replay", "results", "toy", "a"), ("compare", "results", "results")]
+)
+def test_a_file_of_a_users_own_is_not_replaced_by_a_page(command, ethogram):
+    for name in ("file", "file.html"):
+        code, _, _ = ethogram(*command, "--no-show", "--out", name)
+        assert (code, Path(name).read_text()) == (2, "in the way")
+
+
+@pytest.mark.usefixtures("folders")
+@pytest.mark.parametrize(
     "lines", [300, pytest.param(5000, marks=pytest.mark.slow)], ids=["some", "many"]
 )
 def test_whatever_is_typed_gives_an_exit_code_and_one_answer(lines, monkeypatch, capsys):

@@ -23,7 +23,9 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
     hashes = {path: hashlib.sha256(content).hexdigest() for path, content in contents.items()}
     try:
         known = _listed(folder)
-        _refuse_to_replace_foreign(folder, [path for path in files if path not in known])
+        for path in files.keys() - known.keys():
+            if path.endswith(".html"):
+                _refuse_to_replace_foreign(folder / path)
         _write(folder / LISTING, _json(known | hashes))
         for path, content in contents.items():
             _write(folder / path, content)
@@ -38,7 +40,7 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
 def publish_one(file: Path, text: str) -> None:
     """Put a page of its own in place, whole; one that is not ours is left alone."""
     try:
-        _refuse_to_replace_foreign(file.parent, [file.name])
+        _refuse_to_replace_foreign(file)
         _write(file, text.encode(errors="replace"))
     except OSError as error:
         reason = error.strerror or str(error)
@@ -55,16 +57,12 @@ def _listed(folder: Path) -> dict[str, str]:
     return {path: sha256 for path, sha256 in entries if isinstance(sha256, str)}
 
 
-def _refuse_to_replace_foreign(folder: Path, paths: list[str]) -> None:
-    for path in paths:
-        page = folder / path
-        if page.suffix != ".html" or not page.exists():
-            continue
-        if MARK not in page.read_text(errors="replace"):
-            raise EthogramError(
-                f"{str(page)!r} is there and is no page of Ethogram's: move it, or choose another "
-                "folder for the report."
-            )
+def _refuse_to_replace_foreign(page: Path) -> None:
+    if page.exists() and MARK not in page.read_text(errors="replace"):
+        raise EthogramError(
+            f"{str(page)!r} is there and is no page of Ethogram's: move it, or choose another "
+            "place for ours."
+        )
 
 
 def _write(path: Path, content: bytes) -> None:
