@@ -149,6 +149,7 @@ def test_a_lost_plan_hides_no_record_and_is_made_again_by_a_run(ethogram):
     code, _, said = ethogram("claims", "results")
     assert code == 2
     assert "Run the plan again" in said
+    assert "`ethogram run toy --plan smoke --out results` finds 3 of its 3 cases" in said
     ethogram(*RUN)
     assert ethogram("claims", "results")[0] == 0
 
@@ -186,19 +187,54 @@ def test_the_digest_is_one_line_and_the_same_anywhere(ethogram):
     assert one == ethogram("digest", "two")[1]
 
 
-def test_a_damaged_record_is_named_by_digest_and_report(ethogram):
+READERS = {
+    "digest": ("digest", "results"),
+    "claims": ("claims", "results"),
+    "claims --json": ("claims", "results", "--json"),
+    "report": ("report", "results"),
+    "compare": ("compare", "results", "results", "--no-show"),
+    "replay": ("replay", "results", "toy", "a", "--no-show"),
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_every_reader_names_a_damaged_record_and_ends_with_exit_code_1(ethogram, reader):
     ethogram(*RUN)
-    path = next(Path("results/toy/arrays").iterdir())
+    case_id = dict(json.loads(Path("results/toy/plan.json").read_bytes())["content"]["cases"])["a"]
+    manifest = json.loads(Path(f"results/toy/manifests/{case_id}.json").read_bytes())
+    path = Path(f"results/toy/arrays/{manifest['content']['arrays']}.npz")
+    assert ethogram(*READERS[reader])[0] != 1
     path.write_bytes(b"nonsense")
-    code, out, said = ethogram("digest", "results")
-    assert (code, out) == (2, "")
-    assert path.name in said
-    code, _, said = ethogram("report", "results")
+    code, out, said = ethogram(*READERS[reader])
     assert code == 1
     assert path.name in said
-    assert Path("results/index.html").exists()
+    assert out == "" or reader not in ("digest", "replay")
     ethogram(*RUN)
-    assert ethogram("report", "results")[0] == 0
+    assert ethogram(*READERS[reader])[0] != 1
+
+
+def test_claims_as_json_say_what_is_stored_failed_missing_and_damaged(ethogram, monkeypatch):
+    Path("mishaps").mkdir()
+    Path("mishaps/b.raise").touch()
+    monkeypatch.setenv("TOY_MISHAPS", str(Path("mishaps").absolute()))
+    ethogram(*RUN, "--set", "letter=a,b,c,d")
+    cases = dict(json.loads(Path("results/toy/plan.json").read_bytes())["content"]["cases"])
+    Path(f"results/toy/manifests/{cases['c']}.json").write_bytes(b"nonsense")
+    Path(f"results/toy/manifests/{cases['d']}.json").unlink()
+    code, out, _ = ethogram("claims", "results", "--json")
+    found = json.loads(out)
+    held = {"planned": 4, "stored": 1, "failed": ["b"], "missing": ["d"], "damaged": ["c"]}
+    assert (code, found["records"]) == (1, {"toy": held})
+    assert cases["c"] in found["damaged"][0]
+    assert [claim["verdict"] for claim in found["claims"]["toy"]] == ["confirmed", "not run"]
+
+
+def test_a_report_goes_where_it_is_wanted(ethogram):
+    ethogram(*RUN)
+    code, out, _ = ethogram("report", "results", "--out", "elsewhere")
+    assert (code, out) == (0, "elsewhere/index.html\n")
+    assert Path("elsewhere/report/toy.html").exists()
+    assert [path.name for path in Path("results").iterdir()] == ["toy"]
 
 
 def test_claims_come_as_text_and_as_json(ethogram):
@@ -208,7 +244,7 @@ def test_claims_come_as_text_and_as_json(ethogram):
     assert "1. confirmed  Walks end somewhere." in text
     assert "2. not run    Walks return." in text
     _, out, _ = ethogram("claims", "results", "--json")
-    first, second = json.loads(out)["toy"]
+    first, second = json.loads(out)["claims"]["toy"]
     assert first["verdict"] == "confirmed"
     assert first["low"] == -1.0
     assert first["high"] is None  # JSON has no infinity

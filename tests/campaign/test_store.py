@@ -1,5 +1,6 @@
 """The store's laws: whole or absent, damage found, equal data gives equal bytes."""
 
+import fcntl
 import hashlib
 import io
 import json
@@ -14,6 +15,7 @@ from hypothesis.extra import numpy as npst
 from tests.campaign import toy
 from tests.campaign.processes import Recorder, run_toy
 
+from ethogram.campaign import files
 from ethogram.campaign.arrays import pack, unpack
 from ethogram.campaign.checkpoints import Checkpoints
 from ethogram.campaign.results import digest
@@ -196,9 +198,12 @@ def test_a_seal_of_a_later_format_is_not_taken_for_damage(store):
     assert not isinstance(caught.value, Damaged)
 
 
-@given(error=st.text(), seconds=st.floats(0, 1e9))
-def test_what_is_sealed_comes_back(error, seconds):
-    failure = Failure(case=CASE, error=error, traceback=error, started="now", seconds=seconds)
+lines = st.text(st.characters(codec="utf-8")).filter(str.isprintable)
+
+
+@given(error=lines, trace=st.text(), seconds=st.floats(0, 1e9))
+def test_what_is_sealed_comes_back(error, trace, seconds):
+    failure = Failure(case=CASE, error=error, traceback=trace, started="now", seconds=seconds)
     assert unseal(Failure, seal(failure), "a path") == failure
 
 
@@ -211,17 +216,34 @@ def test_a_lock_that_another_holds_leaves_the_case_to_it(store):
     assert store.state(CASE.id) == "missing"
 
 
-def test_a_half_written_file_is_removed_unless_its_writer_lives(store):
-    orphan = store.folder / "arrays" / f"{CASE.id}.{'0' * 32}.tmp"
+@pytest.mark.parametrize("owner", ["ethogram", CASE.id])
+def test_a_half_written_file_is_removed_unless_its_writer_lives(store, owner):
+    orphan = store.folder / "arrays" / f"{owner}.{'0' * 32}.tmp"
     foreign = store.folder / "arrays" / "thesis.tmp"
     orphan.write_bytes(b"half")
     foreign.write_bytes(b"not ours")
-    with store.lock(CASE.id, wait=True):
+    with orphan.open() as writer:
+        fcntl.flock(writer, fcntl.LOCK_EX)
         store.sweep()
         assert orphan.exists()
     store.sweep()
     assert not orphan.exists()
     assert foreign.exists()
+
+
+def test_a_writer_whose_file_was_swept_before_it_held_it_begins_another(tmp_path, monkeypatch):
+    lock, swept = fcntl.flock, []
+
+    def late(descriptor, operation):
+        if operation == fcntl.LOCK_EX and not swept:
+            swept.extend(tmp_path.glob("*.tmp"))
+            files.sweep(tmp_path)
+        lock(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    files.write_whole(tmp_path / "file", b"whole")
+    assert len(swept) == 1
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("file", b"whole")]
 
 
 class TestCheckpoints:

@@ -1,3 +1,4 @@
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -42,7 +43,21 @@ def test_a_page_that_is_not_ours_is_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "index.html").read_text() == "my own site"
 
 
-@pytest.mark.parametrize("listing", ["", "[]", '{"index.html": 3}', '{"../outside": "x"}'])
+VICTIM = hashlib.sha256(b"untouched").hexdigest()
+LISTINGS = {
+    "nothing": "",
+    "a list": "[]",
+    "a number": '{"index.html": 3}',
+    "no hash": '{"../outside": "x"}',
+    "a way out": json.dumps({"../outside": VICTIM}),
+    "a way out in the middle": json.dumps({"report/../../outside": VICTIM}),
+    "a NUL": json.dumps({"report/a\0b.md": VICTIM}),
+    "half a character": json.dumps({"report/\ud800.md": VICTIM}),
+    "100000 levels": '{"report/a.md": ' + "[" * 100_000,
+}
+
+
+@pytest.mark.parametrize("listing", LISTINGS.values(), ids=LISTINGS)
 def test_a_damaged_listing_hinders_nothing_and_reaches_nothing(
     tmp_path: Path, listing: str
 ) -> None:
@@ -92,5 +107,5 @@ def test_after_a_report_cut_short_the_next_one_still_knows_every_file(
 
 def test_a_folder_that_cannot_be_one_gets_a_clear_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(EthogramError, match=r"Cannot write the report to .*file.*directory"):
+    with pytest.raises(EthogramError, match="file' is a file, not a folder"):
         publish(tmp_path / "file", {"index.html": PAGE})

@@ -5,20 +5,42 @@ equal bytes on any day: entries are sorted, carry no time, lie in C order and ar
 (the output of zlib differs between its versions).
 """
 
-import io
-import zipfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file can say
-_STORABLE = "biufcSUmM"  # kinds of dtype that npz holds without pickle and without loss
+from ethogram.campaign import npz
+from ethogram.campaign.npz import Malformed
 
 Record = dict[str, xr.Dataset]  # groups: "results", and scenes for replays
-Layout = dict[str, Any]  # per group: its attributes; per variable: dimensions, attributes, role
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What is said of a variable beside its values."""
+
+    dimensions: tuple[str, ...]
+    attributes: dict[str, Any]
+    coordinate: bool
+
+
+@dataclass(frozen=True)
+class Group:
+    """What is said of a dataset beside its values."""
+
+    attributes: dict[str, Any]
+    variables: dict[str, Variable]
+
+
+Layout = dict[str, Group]
+
+
+class Unfitting(ValueError):
+    """Arrays do not go with their description."""
 
 
 def pack(record: Record) -> tuple[bytes, Layout]:
@@ -29,58 +51,58 @@ def pack(record: Record) -> tuple[bytes, Layout]:
         for name, variable in dataset.variables.items()
     }
     layout = {group: _described(dataset) for group, dataset in record.items()}
-    return _npz(arrays), layout
+    return npz.write(arrays), layout
 
 
 def unpack(data: bytes, layout: Layout) -> Record:
-    """The record that `pack` was given."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-        return {
-            group: _labelled(group, description, arrays) for group, description in layout.items()
-        }
+    """The record that `pack` was given.
 
+    Raises:
+        Unfitting: the bytes are no such file, or its arrays are not those of the layout.
 
-def _npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name in sorted(arrays):
-            entry = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
-            with archive.open(entry, "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, arrays[name], allow_pickle=False)
-    return buffer.getvalue()
+    """
+    names = [f"{group}/{name}" for group in layout for name in layout[group].variables]
+    try:
+        arrays = npz.read(data, names)
+    except Malformed as error:
+        raise Unfitting(str(error)) from error
+    return {group: _labelled(group, description, arrays) for group, description in layout.items()}
 
 
 def _storable(name: str, values: Any) -> NDArray[Any]:
     array = np.asarray(values, order="C")
     if array.dtype.kind in "OT" and all(isinstance(item, str) for item in array.flat):
         array = array.astype(str)  # pandas and NumPy have younger types of text, npz has one
-    if array.dtype.kind not in _STORABLE:
+    if array.dtype.kind not in npz.KINDS:
         raise TypeError(f"{name}: arrays of type {array.dtype} cannot be stored")
     return array
 
 
-def _described(dataset: xr.Dataset) -> Layout:
-    return {
-        "attributes": _plain(dataset.attrs),
-        "variables": {
-            str(name): {
-                "dimensions": list(variable.dims),
-                "attributes": _plain(variable.attrs),
-                "coordinate": name in dataset.coords,
-            }
-            for name, variable in dataset.variables.items()
-        },
+def _described(dataset: xr.Dataset) -> Group:
+    variables = {
+        str(name): Variable(
+            dimensions=tuple(map(str, variable.dims)),
+            attributes=_plain(variable.attrs),
+            coordinate=name in dataset.coords,
+        )
+        for name, variable in dataset.variables.items()
     }
+    return Group(attributes=_plain(dataset.attrs), variables=variables)
 
 
-def _labelled(group: str, description: Layout, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
+def _labelled(group: str, description: Group, arrays: Mapping[str, NDArray[Any]]) -> xr.Dataset:
     data: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
-    for name, variable in description["variables"].items():
-        kind = coordinates if variable["coordinate"] else data
-        values = arrays[f"{group}/{name}"]
-        kind[name] = (variable["dimensions"], values, variable["attributes"])
-    return xr.Dataset(data, coordinates, description["attributes"])
+    for name, variable in description.variables.items():
+        kind = coordinates if variable.coordinate else data
+        values, dimensions = arrays[f"{group}/{name}"], variable.dimensions
+        if not len(set(dimensions)) == len(dimensions) == values.ndim:
+            raise Unfitting(f"{group}/{name} has {values.ndim} axes, not {len(dimensions)}")
+        kind[name] = (dimensions, values, variable.attributes)
+    try:
+        return xr.Dataset(data, coordinates, description.attributes)
+    except Exception as error:  # xarray has no error of its own for what does not fit together
+        raise Unfitting(f"{group!r} cannot be put together ({error})") from error
 
 
 def _plain(value: Any) -> Any:

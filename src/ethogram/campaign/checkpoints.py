@@ -1,5 +1,6 @@
 """Where a long case was when its process was last seen: at most one minute and one chunk ago."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,11 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from ethogram.campaign import files
-from ethogram.campaign.sealed import sha256
+from ethogram.campaign.sealed import Damaged, sha256
 
 Arrays = dict[str, NDArray[Any]]
+
+_NAME = re.compile(r"(?P<case>\w+)\.(?P<hash>[0-9a-f]{64})\.safetensors")
 
 
 class Checkpoints:
@@ -31,7 +34,7 @@ class Checkpoints:
         data = safetensors.numpy.save(whole)
         path = self._folder / f"{self._case_id}.{sha256(data)}.safetensors"
         earlier = [found for found in self._found() if found != path]
-        files.write_whole(path, data, owner=self._case_id)
+        files.write_whole(path, data)
         for found in earlier:
             files.remove(found)
 
@@ -39,9 +42,9 @@ class Checkpoints:
         """The newest whole checkpoint, if any, and what was wrong with newer ones."""
         notes: list[str] = []
         for path in self._found():
-            data = files.read(path) or b""
-            if sha256(data) == path.name.split(".")[1]:
-                return safetensors.numpy.load(data), notes
+            arrays = _arrays_in(path)
+            if arrays is not None:
+                return arrays, notes
             notes.append(f"{path} is damaged: the case goes back to before it.")
         return None, notes
 
@@ -54,6 +57,25 @@ class Checkpoints:
         for found in self._found():
             files.remove(found)
 
+    def unusable(self) -> list[Damaged]:
+        """What has the name of a checkpoint of this case and is no file."""
+        return [Damaged(path, "it is no file") for path in self._named() if not files.is_file(path)]
+
     def _found(self) -> list[Path]:
-        found = self._folder.glob(f"{self._case_id}.*.safetensors")
-        return sorted(found, key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        """The checkpoints, the newest first."""
+        return sorted(filter(files.is_file, self._named()), key=files.changed, reverse=True)
+
+    def _named(self) -> list[Path]:
+        names = map(_NAME.fullmatch, files.names_in(self._folder))
+        return [self._folder / name[0] for name in names if name and name["case"] == self._case_id]
+
+
+def _arrays_in(path: Path) -> Arrays | None:
+    """What a checkpoint holds, or None if it is damaged."""
+    try:
+        data = files.read(path) or b""
+        if sha256(data) != path.name.split(".")[1]:
+            return None
+        return safetensors.numpy.load(data)
+    except Exception:  # whatever is wrong with it, the case can do without
+        return None

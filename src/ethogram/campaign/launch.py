@@ -12,7 +12,7 @@ from ethogram.campaign.engines import Engine, inline
 from ethogram.campaign.files import StorageError, require_folder
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now, package_of
-from ethogram.campaign.run import Job, Receipt
+from ethogram.campaign.run import Job, Receipt, shortfall
 from ethogram.campaign.sealed import PlannedRun
 from ethogram.campaign.store import State, Store
 from ethogram.campaign.study import Study, blamed
@@ -46,7 +46,7 @@ class Summary:
 
     planned: int
     stored: int
-    failures: tuple[tuple[str, str], ...]  # the case's name, its error in one line
+    failures: tuple[tuple[str, str], ...]  # name of a case without a record, and why in one line
 
 
 class Monitor(Protocol):
@@ -137,8 +137,10 @@ def launch(
     try:
         store.create()
         store.save_planned_run(_planned_run(study, plan, prospects))
-        store.sweep()
+        notes = store.sweep()
         monitor.begin(study, len(prospects), to_do, crew)
+        for note in notes:
+            monitor.note(note)
         failed = _compute(engine, job, [found.case for found in to_do], crew, monitor)
     except StorageError as error:
         raise StorageError(f"{error} {_INTACT}") from error
@@ -186,13 +188,10 @@ def _planned_run(study: Study, plan: Plan[Any], prospects: Sequence[Prospect]) -
 
 def _summary(store: Store, cases: Sequence[Case], failed: Mapping[str, str]) -> Summary:
     """How it ended; `failed` are the errors of this run, also where an older record stays."""
-    failures = []
-    stored = 0
-    for case in cases:
-        if store.manifest(case.id) is not None:
-            stored += 1
-            if case.id in failed:
-                failures.append((case.name, failed[case.id]))
-        elif failure := store.failure(case.id):
-            failures.append((case.name, failure.error))
-    return Summary(len(cases), stored, tuple(failures))
+    lacks = {case.id: shortfall(store, case.id) for case in cases}
+    errors = [(case.name, lacks[case.id] or failed.get(case.id)) for case in cases]
+    return Summary(
+        planned=len(cases),
+        stored=sum(lack is None for lack in lacks.values()),
+        failures=tuple((name, error) for name, error in errors if error is not None),
+    )

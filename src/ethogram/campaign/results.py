@@ -2,32 +2,39 @@
 
 import difflib
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from ethogram.campaign import files
 from ethogram.campaign.arrays import Record
-from ethogram.campaign.sealed import Damaged, Manifest, PlannedRun, sha256
-from ethogram.campaign.store import PLAN, Store
+from ethogram.campaign.sealed import Damaged, Manifest, PlannedRun, Unusable, sha256
+from ethogram.campaign.store import MANIFESTS, PLAN, Store
 from ethogram.campaign.trees import canonical
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, shown
 
-_RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."
+RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."
 _DAMAGED_AGAIN = (
     "A run of the plan that a damaged record belongs to computes it again; a record that is no "
     "longer wanted is removed with its manifest's file."
 )
 
 
+class DamagedRecords(EthogramError):
+    """Some records of a folder cannot be used; the message names each."""
+
+
 def stores(folder: Path) -> dict[str, Store]:
     """The stores in a results folder by study, or an error with the folder likely meant."""
     try:
-        found = {path.name: Store(path) for path in _planned(folder)}
-        if not found:
-            what = "holds no results" if folder.is_dir() else "is no folder"
-            raise EthogramError(f"{str(folder)!r} {what}.{_likely(folder)}")
+        is_folder = folder.is_dir()
     except OSError as error:
-        raise EthogramError(f"Cannot read {str(folder)!r}: {error.strerror}.") from error
-    return found
+        raise EthogramError(f"Cannot read {shown(str(folder))}: {error.strerror}.") from error
+    names = _stores_in(folder) if is_folder else []
+    if not names:
+        what = "holds no results" if is_folder else "is no folder"
+        raise EthogramError(f"{str(folder)!r} {what}.{_likely(folder)}")
+    return {name: Store(folder / name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -38,7 +45,13 @@ class Collected:
     records: dict[str, Record]  # by the case's name
     manifests: tuple[Manifest, ...]  # of the records
     failures: tuple[tuple[str, str], ...]  # the case's name, its error in one line
-    damages: tuple[str, ...]  # what is wrong with records that are left out
+    damages: tuple[tuple[str, str], ...]  # the name of a case left out, what is wrong with it
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The cases of which there is nothing."""
+        known = {*self.records, *dict(self.failures), *dict(self.damages)}
+        return tuple(name for name, _ in self.planned.cases if name not in known)
 
     @property
     def digest(self) -> str:
@@ -58,19 +71,14 @@ class Collected:
 
 def collect(store: Store) -> Collected:
     """Read the records of the run that was asked for last, every byte of them verified."""
-    try:
-        planned = store.planned_run()
-    except Damaged as damage:
-        raise EthogramError(f"{damage} {_RUN_AGAIN}") from damage
-    if planned is None:
-        raise EthogramError(f"{str(store.folder / PLAN)!r} is missing. {_RUN_AGAIN}")
+    planned = planned_in(store)
     records, manifests, failures, damages = {}, [], [], []
     for name, case_id in planned.cases:
         try:
-            found = store.load(case_id)
-            failure = store.failure(case_id)
-        except Damaged as damage:
-            damages.append(str(damage))
+            found = load(store, name, case_id)
+            failure = None if found else store.failure(case_id)
+        except Unusable as damage:
+            damages.append((name, str(damage)))
             continue
         if found is not None:
             records[name], manifest = found
@@ -80,19 +88,49 @@ def collect(store: Store) -> Collected:
     return Collected(planned, records, tuple(manifests), tuple(failures), tuple(damages))
 
 
+def planned_in(store: Store) -> PlannedRun:
+    """What was asked for last of a store, or an error that says how to get it back."""
+    try:
+        planned = store.planned_run()
+    except Damaged as damage:
+        raise EthogramError(f"{damage} {RUN_AGAIN}") from damage
+    if planned is None:
+        raise EthogramError(f"{str(store.folder / PLAN)!r} is missing. {RUN_AGAIN}")
+    return planned
+
+
+def load(store: Store, name: str, case_id: str) -> tuple[Record, Manifest] | None:
+    """The record of a case that a plan gives this name, or None; raises as `Store.load` does."""
+    found = store.load(case_id)
+    if found is not None and found[1].case.name != name:
+        raise Damaged(store.folder / PLAN, f"it calls the case {found[1].case.name!r} {name!r}")
+    return found
+
+
 def digest(folder: Path) -> str:
-    """One hash over all records in a results folder; an error names those that are damaged."""
-    manifests, damages = [], []
+    """One hash over all records in a results folder.
+
+    Raises:
+        DamagedRecords: some records cannot be used.
+        EthogramError: a store has no record, or cannot be read.
+
+    """
+    manifests: list[Manifest] = []
+    damages: list[Unusable] = []
     for store in stores(folder).values():
-        for case_id in store.case_ids():
+        damages += store.strays()
+        case_ids = store.case_ids()
+        if not case_ids:
+            raise EthogramError(f"{str(store.folder)!r} holds no record.")
+        for case_id in case_ids:
             try:
-                manifest = store.verified(case_id)
-            except Damaged as damage:
-                damages.append(str(damage))
+                found = store.load(case_id)
+            except Unusable as damage:
+                damages.append(damage)
             else:
-                manifests += [] if manifest is None else [manifest]
+                manifests += [found[1]] if found else []
     if damages:
-        raise EthogramError("\n".join([*damages, _DAMAGED_AGAIN]))
+        raise DamagedRecords("\n".join([*map(str, damages), _DAMAGED_AGAIN]))
     return digest_of(manifests)
 
 
@@ -101,16 +139,29 @@ def digest_of(manifests: Iterable[Manifest]) -> str:
     return sha256(canonical(sorted(manifest.identity for manifest in manifests)))
 
 
-def _planned(folder: Path) -> list[Path]:
+def _stores_in(folder: Path) -> list[str]:
     """The stores in a folder, known by a plan or by records."""
-    marks = (f"*/{PLAN}", "*/manifests")
-    return sorted({path.parent for mark in marks for path in folder.glob(mark)})
+    return [name for name in files.names_in(folder) if _is_store(folder / name)]
+
+
+def _is_store(folder: Path) -> bool:
+    """Whether a folder is a store, or does not let us see: whoever reads it then says so."""
+    if not folder.is_dir():
+        return False
+    try:
+        return any(files.is_there(folder / mark) for mark in (PLAN, MANIFESTS))
+    except files.StorageError:
+        return True
 
 
 def _likely(folder: Path) -> str:
     """The folder that a user most likely meant, as a question, or nothing."""
-    if (folder / PLAN).is_file():
+    if files.is_file(folder / PLAN):
         return f" Did you mean {str(folder.parent)!r}?"
-    beside = [path.name for path in folder.parent.glob("*") if _planned(path)]
+    beside = []
+    with suppress(files.StorageError):  # it is a guess
+        for name in files.names_in(folder.parent):
+            if (folder.parent / name).is_dir() and _stores_in(folder.parent / name):
+                beside.append(name)
     near = difflib.get_close_matches(folder.name, beside, n=1, cutoff=0.5) or beside[:1]
     return f" Did you mean {str(folder.parent / near[0])!r}?" if near else ""

@@ -18,7 +18,14 @@ from rich.console import Console
 from ethogram import __version__
 from ethogram.campaign.interrupts import certain_interrupts, exit_code, reason
 from ethogram.campaign.threads import one_thread
-from ethogram.cli.gather import claims_of, collected_in, comparison_of, page_of, trials_in
+from ethogram.cli.gather import (
+    claims_of,
+    comparison_of,
+    gathered,
+    held_in,
+    page_of,
+    trials_in,
+)
 from ethogram.cli.parameters import (
     AsJson,
     CaseName,
@@ -37,6 +44,7 @@ from ethogram.cli.parameters import (
     ReplayFormat,
     ReplayOut,
     ReplayTrial,
+    ReportOut,
     Retry,
     Show,
     Workers,
@@ -169,21 +177,20 @@ def run(
 
 
 @app.command
-def report(folder: Folder, /) -> int:
+def report(folder: Folder, /, *, out: ReportOut = None) -> int:
     """Write the report on a folder of results, from what is stored there."""
     from ethogram.report import write
 
-    found = collected_in(folder)
+    found = gathered(folder)
     pages = []
-    for number, (study, collected) in enumerate(found, 1):
-        say(f"{study.NAME}: drawing the page ({number} of {len(found)}).")
+    for number, (study, collected) in enumerate(found.studies, 1):
+        say(f"{study.NAME}: drawing the page ({number} of {len(found.studies)}).")
         try:
             pages.append(page_of(study, collected))
         except EthogramError as error:
             say(readable(f"{error} It is left out."))
-    tell(write(folder, pages))
-    damaged = any(collected.damages for _, collected in found)
-    return FAILED if damaged or len(pages) < _known_in(folder) else DONE
+    tell(write(out or folder, pages))
+    return FAILED if found.damages or len(pages) < len(found.studies) else DONE
 
 
 @app.command
@@ -197,8 +204,10 @@ def replay(
     format_: ReplayFormat = None,
     trial: ReplayTrial = None,
     show: Show = True,
-) -> None:
+) -> int:
     """Show the recorded scene of a case, as a page that needs no network or as a film."""
+    from ethogram.campaign.files import refuse_link
+    from ethogram.campaign.sealed import Damaged
     from ethogram.report import write_replay
     from ethogram.report.film import write_film
     from ethogram.report.site import slug
@@ -212,11 +221,17 @@ def replay(
     written = format_ or suffix or "html"
     if written not in get_args(Format):
         raise UnknownName("format", written, get_args(Format))
-    trials = trials_in(folder, study, case)
+    try:
+        trials = trials_in(folder, study, case)
+    except Damaged as damage:
+        say(str(damage))
+        return FAILED
     if trial is not None and trial not in trials:
         raise UnknownName("recorded trial", str(trial), map(str, trials))
     which = f"-trial-{trial}" if trial is not None else ""
     file = out or folder / "report" / f"{slug(study)}-{slug(case)}{which}.{written}"
+    if out is None:
+        refuse_link(file.parent)
     shown = trials[trial or min(trials)]
     if written == "html":
         write_replay(file, study, list(trials.values()) if trial is None else [shown])
@@ -227,26 +242,31 @@ def replay(
     tell(file)
     if show and written == "html":
         webbrowser.open(file.resolve().as_uri())
+    return DONE
 
 
 @app.command
 def claims(folder: Folder, /, *, as_json: AsJson = False) -> int:
     """Print the claims of the studies with their verdicts."""
-    found = {}
-    for study, collected in collected_in(folder):
+    held, found = gathered(folder), {}
+    for study, collected in held.studies:
         try:
             found[study.NAME] = claims_of(study, collected.records)
         except EthogramError as error:
             say(readable(f"{error} It is left out."))
     if as_json:
-        plain = {name: [finite(asdict(claim)) for claim in found[name]] for name in found}
+        plain = {
+            "claims": {name: [finite(asdict(claim)) for claim in found[name]] for name in found},
+            "records": held_in(held),
+            "damaged": held.damages,
+        }
         print(json.dumps(plain, indent=2, allow_nan=False))
     else:
         for name, verdicts in found.items():
             print(name)
             for claim in verdicts:
                 print(claim_lines(claim))
-    return FAILED if len(found) < _known_in(folder) else DONE
+    return FAILED if held.damages or len(found) < len(held.studies) else DONE
 
 
 @app.command
@@ -258,31 +278,38 @@ def compare(
     out: CompareOut = None,
     show: Show = True,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Set two runs side by side: settings that differ, claims and, on a page, the tables.
 
     With --json the page is written as well, but not opened.
     """
     from ethogram.report import write_comparison
 
-    found = comparison_of(dir_a, dir_b)
+    found, damages = comparison_of(dir_a, dir_b)
     page = out or dir_b / "compare.html"
     write_comparison(page, found)
     if as_json:
-        print(json.dumps(plain_comparison(found, page), indent=2, allow_nan=False))
-        return
-    show_comparison(found)
-    print(page)
-    if show:
-        webbrowser.open(page.resolve().as_uri())
+        plain = {**plain_comparison(found, page), "damaged": damages}
+        print(json.dumps(plain, indent=2, allow_nan=False))
+    else:
+        show_comparison(found)
+        print(page)
+        if show:
+            webbrowser.open(page.resolve().as_uri())
+    return FAILED if damages else DONE
 
 
 @app.command
-def digest(folder: Folder, /) -> None:
+def digest(folder: Folder, /) -> int:
     """Print one hash over all stored data, the same wherever and whenever it was computed."""
     from ethogram.campaign import results
 
-    print(results.digest(folder))
+    try:
+        print(results.digest(folder))
+    except results.DamagedRecords as damage:
+        say(str(damage))
+        return FAILED
+    return DONE
 
 
 @app.command
@@ -341,14 +368,6 @@ def _chosen(
     if plan_name not in study.PLANS:
         raise UnknownName(f"{study_name} plan", plan_name, study.PLANS)
     return study, study.PLANS[plan_name].override(changes)
-
-
-def _known_in(folder: Path) -> int:
-    """How many stores of a folder are of studies that are installed."""
-    from ethogram.campaign.results import stores
-    from ethogram.studies import STUDIES
-
-    return len(stores(folder).keys() & set(STUDIES.names()))
 
 
 def _carried_out(

@@ -1,9 +1,10 @@
 """From a folder of results to what is shown of it."""
 
+import shlex
 from collections.abc import Container, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ethogram.cli.streams import readable, say
 from ethogram.core.errors import EthogramError, UnknownName
@@ -13,19 +14,31 @@ if TYPE_CHECKING:
 
     from ethogram.campaign.arrays import Record
     from ethogram.campaign.results import Collected
+    from ethogram.campaign.store import Store
     from ethogram.campaign.study import Records, Study
     from ethogram.core.findings import Claim
     from ethogram.report import Comparison, Replay, StudyPage
 
 
-def collected_in(
-    folder: Path, names: Container[str] | None = None
-) -> "list[tuple[Study, Collected]]":
-    """What is stored of each study in a folder, or of those named; says what is damaged."""
-    from ethogram.campaign.results import collect, stores
+@dataclass(frozen=True)
+class Gathered:
+    """What a folder of results holds of the studies that are installed."""
+
+    studies: "list[tuple[Study, Collected]]"
+    damages: tuple[str, ...]  # what is left out since it cannot be used
+
+
+def gathered(folder: Path, names: Container[str] | None = None) -> Gathered:
+    """What is stored of each study in a folder, or of those named; says what is left out.
+
+    Raises:
+        EthogramError: nothing of what is there can be shown.
+
+    """
+    from ethogram.campaign.results import stores
     from ethogram.studies import STUDIES
 
-    found = []
+    studies, damages, refusals = [], [], []
     known = STUDIES.names()
     for name, store in stores(folder).items():
         if names is not None and name not in names:
@@ -35,19 +48,61 @@ def collected_in(
             continue
         try:
             study = STUDIES.get(name)
+            collected = _collected(study, store)
         except EthogramError as error:
-            say(readable(f"{store.folder} is left out: {error}"))
+            refusals.append(str(error))
             continue
+        damages += [
+            f"{damage} It is left out; the next run of its plan computes it again."
+            for _, damage in collected.damages
+        ]
+        studies.append((study, collected))
+    if refusals and not studies:
+        raise EthogramError("\n".join(refusals))
+    damages += [f"{refusal} The study is left out." for refusal in refusals]
+    for damage in damages:
+        say(readable(damage))
+    return Gathered(studies, tuple(damages))
+
+
+def _collected(study: "Study", store: "Store") -> "Collected":
+    """What is stored of a study, or an error that says how to get at it."""
+    from ethogram.campaign.files import StorageError
+    from ethogram.campaign.results import collect
+
+    try:
         collected = collect(store)
-        if collected.planned.version != study.VERSION:
-            raise EthogramError(
-                f"{store.folder} was computed by version {collected.planned.version} of the study "
-                f"{name!r}; this is version {study.VERSION}. Run its plan again."
-            )
-        for damage in collected.damages:
-            say(f"{damage} It is left out; the next run of its plan computes it again.")
-        found.append((study, collected))
-    return found
+    except StorageError:
+        raise
+    except EthogramError as error:
+        raise EthogramError(f"{error}{_fitting_plan(study, store)}") from error
+    if collected.planned.version != study.VERSION:
+        raise EthogramError(
+            f"{store.folder} was computed by version {collected.planned.version} of the study "
+            f"{study.NAME!r}; this is version {study.VERSION}. Run its plan again."
+        )
+    return collected
+
+
+def _fitting_plan(study: "Study", store: "Store") -> str:
+    """The command that takes up most of what a store holds, for a store without its plan."""
+    from ethogram.campaign.provenance import package_of
+
+    stored, package = set(store.case_ids()), package_of(study)
+    found = {}
+    for name, plan in study.PLANS.items():
+        cases = [replace(case, package=package) for case in study.cases(plan)]
+        taken_up = sum(case.id in stored for case in cases)
+        found[name] = (taken_up, -len(cases))
+    best = max(found, key=lambda name: found[name], default=None)
+    if best is None or not found[best][0]:
+        return ""
+    taken_up, size = found[best]
+    out = shlex.quote(str(store.folder.parent))
+    return (
+        f" `ethogram run {study.NAME} --plan {best} --out {out}` finds {taken_up} of its {-size} "
+        "cases there."
+    )
 
 
 def page_of(study: "Study", collected: "Collected") -> "StudyPage":
@@ -98,29 +153,51 @@ def claims_of(study: "Study", records: "Records") -> "Sequence[Claim]":
         return study.claims(records)
 
 
-def comparison_of(dir_a: Path, dir_b: Path) -> "Comparison":
-    """The studies that both folders hold; the records of others are not read."""
+def comparison_of(dir_a: Path, dir_b: Path) -> "tuple[Comparison, tuple[str, ...]]":
+    """The studies that both folders hold, and what is left out; the records of others stay unread.
+
+    Raises:
+        EthogramError: there is no study of which both folders can be shown.
+
+    """
     from ethogram.campaign.results import stores
     from ethogram.report import Comparison, compare_pages
 
     held_a, held_b = stores(dir_a), stores(dir_b)
     shared = held_a.keys() & held_b.keys()
+    a, b = (gathered(folder, shared) for folder in (dir_a, dir_b))
     pages_a, pages_b = (
-        [undrawn_page(study, collected) for study, collected in collected_in(folder, shared)]
-        for folder in (dir_a, dir_b)
+        {study.NAME: undrawn_page(study, collected) for study, collected in side.studies}
+        for side in (a, b)
     )
-    if not pages_a:
+    both = [name for name in pages_a if name in pages_b]
+    if not both:
         raise EthogramError(
             f"There is no study to compare: {str(dir_a)!r} holds {', '.join(held_a)}; "
             f"{str(dir_b)!r} holds {', '.join(held_b)}."
         )
-    return Comparison(
+    found = Comparison(
         a=str(dir_a),
         b=str(dir_b),
-        studies=list(map(compare_pages, pages_a, pages_b)),
+        studies=[compare_pages(pages_a[name], pages_b[name]) for name in both],
         only_a=[name for name in held_a if name not in shared],
         only_b=[name for name in held_b if name not in shared],
     )
+    return found, a.damages + b.damages
+
+
+def held_in(found: Gathered) -> dict[str, Any]:
+    """What a folder holds and lacks, by the names of the cases, as JSON has it."""
+    return {
+        study.NAME: {
+            "planned": len(collected.planned.cases),
+            "stored": len(collected.records),
+            "failed": [name for name, _ in collected.failures],
+            "missing": list(collected.missing),
+            "damaged": [name for name, _ in collected.damages],
+        }
+        for study, collected in found.studies
+    }
 
 
 def _replays(records: "Records") -> "list[Replay]":
@@ -129,19 +206,27 @@ def _replays(records: "Records") -> "list[Replay]":
 
 
 def trials_in(folder: Path, study: str, case: str) -> "dict[int, Replay]":
-    """The recorded scenes of a case in a folder, by the numbers of the trials."""
-    from ethogram.campaign.results import stores
+    """The recorded scenes of a case in a folder, by the numbers of the trials.
+
+    Raises:
+        Damaged: the record cannot be used.
+        EthogramError: there is no such record, or it has no scene.
+
+    """
+    from ethogram.campaign.results import load, planned_in, stores
 
     held = stores(folder)
     if study not in held:
         raise UnknownName("study with results here", study, held)
-    for _, collected in collected_in(folder, {study}):
-        if case not in collected.records:
-            raise UnknownName("case that was run", case, collected.records)
-        found = {replay.trial: replay for replay in trials_of(case, collected.records[case])}
-        if found:
-            return found
-    raise EthogramError(f"The case {case!r} of {study!r} has no scene.")
+    cases = dict(planned_in(held[study]).cases)
+    found = load(held[study], case, cases[case]) if case in cases else None
+    if found is None:
+        there = [name for name in cases if held[study].state(cases[name]) == "stored"]
+        raise UnknownName("case that was run", case, there)
+    trials = {replay.trial: replay for replay in trials_of(case, found[0])}
+    if not trials:
+        raise EthogramError(f"The case {case!r} of {study!r} has no scene.")
+    return trials
 
 
 def trials_of(case: str, groups: "Record") -> "list[Replay]":

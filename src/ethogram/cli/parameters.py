@@ -87,6 +87,11 @@ ReplayTrial = Annotated[
 ]
 FolderA = Annotated[Path, _PATH, Parameter(help="Folder of the one run's results.")]
 FolderB = Annotated[Path, _PATH, Parameter(help="Folder of the other run's results.")]
+ReportOut = Annotated[
+    Path | None,
+    _PATH,
+    Parameter(name="--out", help="Folder to write to; by default that of the results."),
+]
 CompareOut = Annotated[
     Path | None,
     _FILE,

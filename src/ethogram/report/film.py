@@ -61,7 +61,7 @@ def write_film(file: Path, scene: Scene, *, width: int = WIDTH) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StorageError(f"Cannot write {str(file)!r}: {error.strerror or error}.") from error
-    write_whole(file, content, owner="film")
+    write_whole(file, content)
 
 
 def _gif(scene: Scene, width: int) -> bytes:
