@@ -1,7 +1,6 @@
 """The command `compare`: two folders of results, side by side."""
 
 import json
-import os
 import shutil
 from pathlib import Path
 
@@ -17,10 +16,6 @@ RUN = ("run", "toy", "--plan", "smoke", "--engine", "inline")
 @pytest.fixture(autouse=True)
 def empty_folder(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    before = dict(os.environ)
-    yield
-    os.environ.clear()
-    os.environ.update(before)
 
 
 @pytest.fixture

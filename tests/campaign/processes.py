@@ -52,6 +52,15 @@ class Recorder:
         self.notes.append(text)
 
 
+class ToyObject:
+    """The toy as an object, which is no module."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(toy, name)
+
+
 def run_toy(folder: Path, *changes: str, plan: str = "smoke", **options: Any) -> Summary:
     """Run the toy in this process."""
     options = {"engine": inline, "monitor": Recorder(), **options}

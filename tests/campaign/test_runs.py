@@ -1,7 +1,11 @@
 """Runs of a plan: resumed, failed and tried again, shared between processes, interrupted."""
 
 import os
+import re
 import signal
+import sys
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -9,6 +13,7 @@ from tests.campaign import faults, toy
 from tests.campaign.processes import (
     REFUSED,
     Recorder,
+    ToyObject,
     ended,
     run_toy,
     start_child,
@@ -21,11 +26,11 @@ from tests.campaign.processes import (
 from ethogram.campaign import context
 from ethogram.campaign.context import Context
 from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
-from ethogram.campaign.launch import crew_size, survey
+from ethogram.campaign.launch import Summary, crew_size, launch, survey
 from ethogram.campaign.results import digest
 from ethogram.campaign.run import Job, run_case
 from ethogram.campaign.store import Store
-from ethogram.campaign.threads import limit_threads
+from ethogram.campaign.threads import one_thread
 from ethogram.core.errors import EthogramError, UnknownName
 
 BIG = "walk.steps=900"  # a record of more than 8 kB
@@ -58,9 +63,13 @@ def expected(tmp_path_factory):
     return digest(folder)
 
 
-def test_inline_and_pool_give_the_same_digest(expected, tmp_path):
+def test_inline_and_pool_give_the_same_digest_and_leave_the_environment(expected, tmp_path):
+    before = dict(os.environ)
     run_toy(tmp_path, engine=pool)
     assert digest(tmp_path) == expected
+    assert os.environ == before
+    run_toy(tmp_path / "inline")
+    assert os.environ == before
 
 
 def test_order_and_company_of_cases_leave_the_digest_the_same(expected, tmp_path):
@@ -90,7 +99,9 @@ def test_a_case_that_fails_is_recorded_and_the_run_goes_on(engine, tmp_path, mis
     mishaps("b", "raise")
     summary = run_toy(tmp_path, engine=engine)
     assert summary.stored == 2
-    assert summary.failures == (("b", "ValueError: a toy broke"),)
+    ((name, error),) = summary.failures
+    assert name == "b"
+    assert re.fullmatch(r"ValueError: a toy broke \(tests/campaign/toy\.py:\d+\)", error)
     store = Store(tmp_path / "toy")
     failure = store.failure(toy.cases(toy.PLANS["smoke"])[1].id)
     assert "Traceback" in failure.traceback
@@ -151,8 +162,8 @@ def test_workers_that_never_start_end_the_run_with_a_message(tmp_path, mishaps):
         run_toy(tmp_path, engine=pool, workers=1)
 
 
-def test_workers_do_not_see_the_interrupts_of_the_terminal(tmp_path, mishaps):
-    mishaps("a", "interrupt")
+def test_workers_do_not_see_the_signals_of_a_terminal_or_a_batch_system(tmp_path, mishaps):
+    mishaps("a", "SIGINT", "SIGTERM", "SIGHUP")
     run = start_command("run", "toy", "--plan", "smoke", "--out", tmp_path, "--workers", "1")
     _, said = run.communicate(timeout=60)
     assert (run.returncode, said.count("stored")) == (0, 3)
@@ -164,7 +175,8 @@ def test_a_case_that_another_run_saw_fail_is_left_as_it_is(tmp_path, mishaps):
     run_toy(tmp_path)
     case = toy.cases(toy.PLANS["smoke"])[1]
     receipt = run_case(Job(toy, Store(tmp_path / "toy"), wait=True), case, report=print)
-    assert (receipt.state, receipt.error) == ("failed", "ValueError: a toy broke")
+    assert receipt.state == "failed"
+    assert receipt.error.startswith("ValueError: a toy broke")
     assert mishaps.begun() == ["a", "b", "c"]
 
 
@@ -206,7 +218,8 @@ def test_a_case_that_failed_is_tried_again_from_its_checkpoint(expected, tmp_pat
     ((name, error),) = run_toy(tmp_path).failures
     checkpoint = next(tmp_path.glob("toy/checkpoints/*"))
     assert name == "a"
-    assert error == f"ValueError: broke in its second chunk (last checkpoint: {checkpoint})"
+    assert error.startswith("ValueError: broke in its second chunk (tests/campaign/test_runs.py:")
+    assert error.endswith(f"(last checkpoint: {checkpoint})")
     first_run = len(seen)
     assert run_toy(tmp_path, retry_failed=True).failures == ()
     assert seen[first_run] == 2  # not the first chunk again
@@ -330,7 +343,7 @@ def test_a_survey_changes_nothing(tmp_path):
 
 
 def test_no_more_cases_run_at_once_than_fit_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("ethogram.campaign.launch._cores", lambda: 8)
+    monkeypatch.setattr("ethogram.campaign.launch.available_cores", lambda: 8)
     prospects = survey(toy, toy.PLANS["smoke"], tmp_path)
     for available, expected in [(10_000, 3), (2500, 2), (500, 1)]:
         monkeypatch.setattr(
@@ -356,8 +369,61 @@ def test_a_context_by_hand_needs_no_store():
 def test_every_engine_gives_libraries_one_thread_and_keeps_other_flags(monkeypatch):
     monkeypatch.setenv("XLA_FLAGS", "--xla_dump_to=somewhere")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    limit_threads()
-    limit_threads()
-    assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["OMP_NUM_THREADS"] == "1"
-    flags = os.environ["XLA_FLAGS"].split()
-    assert flags == ["--xla_dump_to=somewhere", "--xla_cpu_multi_thread_eigen=false"]
+    before = dict(os.environ)
+    with one_thread(), one_thread():
+        assert os.environ["OPENBLAS_NUM_THREADS"] == os.environ["OMP_NUM_THREADS"] == "1"
+        flags = os.environ["XLA_FLAGS"].split()
+        assert flags == ["--xla_dump_to=somewhere", "--xla_cpu_multi_thread_eigen=false"]
+    assert os.environ == before
+
+
+@pytest.mark.parametrize("began", ["script.py", "<stdin>", None])
+def test_workers_need_nothing_of_the_program_that_the_caller_began_with(
+    began, expected, tmp_path, monkeypatch
+):
+    """A script without a main guard, standard input, a notebook with a study that is an object.
+
+    Nor do they take a module of the current folder for one of Python's.
+    """
+    monkeypatch.chdir(tmp_path)
+    Path("script.py").write_text("raise SystemExit('run twice')")
+    Path("random.py").write_text("raise SystemExit('taken for the one of Python')")
+    program = ModuleType("__main__")
+    if began:
+        program.__file__ = began if began == "<stdin>" else str(tmp_path / began)
+    monkeypatch.setitem(sys.modules, "__main__", program)
+    study = toy if began else ToyObject()
+    launch(study, toy.PLANS["smoke"], Path("out"), engine=pool, monitor=Recorder(), workers=1)
+    assert digest(Path("out")) == expected
+
+
+@pytest.mark.parametrize("module", ["__main__", "tests.campaign.toy"])
+def test_a_study_that_no_worker_could_load_is_refused_before_one_starts(
+    module, tmp_path, monkeypatch
+):
+    study = type("Homeless", (ToyObject,), {"__module__": module, "__reduce__": object.__reduce__})
+    monkeypatch.setattr("ethogram.campaign.workers.subprocess.Popen", None)
+    with pytest.raises(EthogramError, match=r"The study 'toy' .*use the engine 'inline'"):
+        launch(study(), toy.PLANS["single"], tmp_path, engine=pool, monitor=Recorder())
+
+
+def test_forced_cases_are_computed_anew_and_replace_their_records(expected, tmp_path):
+    run_toy(tmp_path)
+    old, manifest = Store(tmp_path / "toy").load(toy.cases(toy.PLANS["smoke"])[0].id)
+    Store(tmp_path / "toy").save(
+        manifest.case, {"results": old["results"] * 2}, started="", seconds=0.0, replace=True
+    )
+    assert digest(tmp_path) != expected
+    monitor = Recorder()
+    assert run_toy(tmp_path, force=True, monitor=monitor).stored == 3
+    assert monitor.to_do == ["a", "b", "c"]
+    assert digest(tmp_path) == expected
+
+
+def test_a_forced_case_that_fails_leaves_its_record_and_is_told_of(expected, tmp_path, mishaps):
+    run_toy(tmp_path)
+    mishaps("b", "refuse")
+    summary = run_toy(tmp_path, force=True)
+    assert summary == Summary(planned=3, stored=3, failures=(("b", "The toy is too large."),))
+    assert digest(tmp_path) == expected
+    assert run_toy(tmp_path).failures == ()

@@ -1,7 +1,8 @@
 """A study that takes no time: a random walk for each letter, which goes wrong on demand.
 
 A file "<letter>.<anything>.<mishap>" in the folder that `TOY_MISHAPS` names is taken away by the
-case of that letter, which then comes to grief; so each mishap happens once.
+case of that letter, which then comes to grief; so each mishap happens once.  One called
+"<letter><chunk>.<anything>.<mishap>" waits for a chunk, counted from 0.
 """
 
 import os
@@ -16,6 +17,7 @@ import xarray as xr
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from ethogram.campaign import interrupts
 from ethogram.campaign.arrays import Record
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
@@ -81,6 +83,7 @@ def run(case: Case, context: Context) -> Record:
     for chunk in range(int(state["done"]), settings.chunks):
         _note(f"{case.name}{chunk}")
         _come_to_grief(case.name)
+        _come_to_grief(f"{case.name}{chunk}")
         key = (settings.seed, ord(settings.letter), chunk)
         walk = np.random.default_rng(key).normal(size=settings.walk.steps).cumsum()
         place = place + settings.walk.stride * walk
@@ -125,8 +128,11 @@ def _come_to_grief(name: str) -> None:
                 raise EthogramError("The toy is too large.")
             case ".die":
                 os.kill(os.getpid(), signal.SIGKILL)
-            case ".interrupt":
-                signal.raise_signal(signal.SIGINT)
+            case ".SIGINT" | ".SIGTERM" | ".SIGHUP":
+                signal.raise_signal(signal.Signals[mishap[1:]])
+            case ".linger":  # a long chunk, which ends when it should
+                while not interrupts.stop_wanted():
+                    time.sleep(0.01)
             case ".exit":
                 os._exit(3)
             case ".hang":

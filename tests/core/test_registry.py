@@ -26,6 +26,7 @@ def install(folder: Path, package: str, **entries: str) -> None:
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder in which packages can be installed for the length of a test."""
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "grazing", raising=False)
     return tmp_path
 
 
@@ -65,7 +66,7 @@ def test_a_plugin_that_cannot_be_imported_is_named_with_its_package_and_cause(si
     install(site, "grazing", meadow="grazing_is_not_here:Meadow")
     with pytest.raises(EthogramError) as caught:
         shapes().get("meadow")
-    for part in ("'meadow'", "'grazing'", "grazing_is_not_here:Meadow", "No module named"):
+    for part in ("'meadow'", "'grazing 1.0'", "grazing_is_not_here:Meadow", "No module named"):
         assert part in str(caught.value)
 
 
@@ -76,7 +77,7 @@ def test_a_broken_plugin_leaves_the_other_names_usable(site: Path):
 
 def test_a_plugin_may_not_take_the_name_of_a_builtin(site: Path):
     install(site, "impostor", turtle="decimal:Decimal")
-    with pytest.raises(EthogramError, match=r"'ethogram'.*'colorsys'.*'impostor'.*'decimal"):
+    with pytest.raises(EthogramError, match=r"'ethogram'.*'colorsys'.*'impostor 1.0'.*'decimal"):
         shapes().get("turtle")
 
 
@@ -84,4 +85,38 @@ def test_two_plugins_may_not_share_a_name(site: Path):
     install(site, "grazing", meadow="decimal:Decimal")
     install(site, "mowing", meadow="fractions:Fraction")
     with pytest.raises(EthogramError, match="Two packages register the shape 'meadow'"):
-        shapes().names()
+        shapes().get("meadow")
+
+
+def test_a_name_that_is_claimed_twice_leaves_the_other_names_usable(site: Path):
+    install(site, "impostor", turtle="decimal:Decimal")
+    assert shapes().names() == ["fraction", "turtle"]
+    assert shapes().get("fraction").__name__ == "Fraction"
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("import math\nraise ValueError('it rains')", ["ValueError: it rains", "grazing.py:2"]),
+        ("def broken(:", ["SyntaxError", "grazing.py:1"]),
+        ("import sys\nimport json\nsys.exit('bye')", ["SystemExit: bye", "grazing.py:3"]),
+        ("import math\nimport grazing_is_not_here", ["No module named", "grazing.py:2"]),
+    ],
+)
+def test_what_breaks_a_plugin_is_named_with_file_and_line(site: Path, text: str, parts: list[str]):
+    install(site, "grazing", meadow="grazing:Meadow")
+    (site / "grazing.py").write_text(text)
+    with pytest.raises(EthogramError) as caught:
+        shapes().get("meadow")
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_a_plugin_that_is_not_what_it_has_to_be_is_named_with_its_file(site: Path):
+    install(site, "grazing", meadow="grazing:Meadow")
+    (site / "grazing.py").write_text("class Meadow: pass")
+    registry: Registry[object] = Registry(
+        "shape", GROUP, {}, lambda name, loaded: f"{name} has no {loaded.__name__.upper()}"
+    )
+    with pytest.raises(EthogramError, match=r"'grazing 1.0'.*meadow has no MEADOW .*grazing\.py:1"):
+        registry.get("meadow")

@@ -22,6 +22,7 @@ class Case:
     version: str  # of the study: raised when its code gives other numbers
     name: str  # unique within a plan
     settings: Mapping[str, Any] = field(hash=False)  # plain JSON, every default written out
+    package: str = ""  # with its version, where the study is another package's: "grazing 1.0"
 
     @classmethod
     def of(cls, *, study: str, version: str, name: str, settings: Any) -> "Case":
@@ -34,8 +35,14 @@ class Case:
 
     @cached_property
     def id(self) -> str:
-        """Sha256 of study, version, name and settings: the name of the case's record."""
-        return hashlib.sha256(canonical(asdict(self))).hexdigest()
+        """Sha256 of study, version, name and settings: the name of the case's record.
+
+        The package counts where there is one.
+        """
+        parts = asdict(self)
+        if not self.package:
+            del parts["package"]
+        return hashlib.sha256(canonical(parts)).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 
+from ethogram.campaign import interrupts
 from ethogram.campaign.checkpoints import Arrays, Checkpoints
 
 CHECKPOINT_SECONDS = 60.0  # between two checkpoints
@@ -43,8 +44,14 @@ class Context:
         return arrays
 
     def checkpoint(self, make: Callable[[], Arrays]) -> None:
-        """Save what `make` gives if the last checkpoint is a minute old; call it between chunks."""
-        if self._checkpoints is None or time.monotonic() - self._saved < CHECKPOINT_SECONDS:
+        """Save what `make` gives if the last checkpoint is a minute old; call it between chunks.
+
+        A run that is to stop saves it at once and ends here, by `KeyboardInterrupt`.
+        """
+        if self._checkpoints is None:
             return
-        self._checkpoints.save(make())
-        self._saved = time.monotonic()
+        old = time.monotonic() - self._saved >= CHECKPOINT_SECONDS
+        if old or interrupts.stop_wanted():
+            self._checkpoints.save(make())
+            self._saved = time.monotonic()
+        interrupts.reached_checkpoint()

@@ -1,11 +1,14 @@
 """Where cases are computed: one after another in this process, or side by side in several."""
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 
+from ethogram.campaign import interrupts
 from ethogram.campaign.case import Case
+from ethogram.campaign.files import StorageError
 from ethogram.campaign.run import Job, Receipt, give_up, run_case
-from ethogram.campaign.threads import limit_threads
+from ethogram.campaign.threads import one_thread
 from ethogram.campaign.workers import (
     Loss,
     Message,
@@ -28,21 +31,26 @@ Engine = Callable[[Job, Sequence[Case], int, Report], Iterator[Receipt]]  # int:
 def inline(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Iterator[Receipt]:
     """Compute the cases one after another in this process."""
     del workers
-    limit_threads()
-    for case in cases:
+    with one_thread():
+        for case in cases:
 
-        def report_case(fraction: float, case: Case = case) -> None:
-            report(case, fraction)
+            def report_case(fraction: float, case: Case = case) -> None:
+                report(case, fraction)
 
-        yield run_case(job, case, report=report_case)
+            with interrupts.case_in_hand():
+                receipt = run_case(job, case, report=report_case)
+            yield receipt
 
 
 def pool(job: Job, cases: Sequence[Case], workers: int, report: Report) -> Iterator[Receipt]:
-    """Compute the cases in spawned processes; the case of one that is killed is run again."""
-    limit_threads()
+    """Compute the cases in several processes; the case of one that is killed is run again."""
     crew = _Crew(job, cases, report)
     try:
-        yield from crew.receipts(workers)
+        with one_thread():
+            yield from crew.receipts(workers)
+    except (KeyboardInterrupt, GeneratorExit):
+        crew.dismiss()
+        raise
     finally:
         crew.stop()
 
@@ -75,6 +83,14 @@ class _Crew:
             for worker in with_messages(self._workers):
                 yield from self._answer(worker, worker.receive())
 
+    def dismiss(self) -> None:
+        """Let workers come to a checkpoint, for a moment, and end."""
+        for worker in self._workers:
+            worker.dismiss()
+        end = time.monotonic() + interrupts.GRACE_SECONDS
+        for worker in self._workers:
+            worker.wait(max(0.0, end - time.monotonic()))
+
     def stop(self) -> None:
         """End all workers at once."""
         for worker in self._workers:
@@ -90,7 +106,7 @@ class _Crew:
                 self._employ(worker)
                 yield message
             case Refusal(reason):
-                raise EthogramError(reason)
+                raise (StorageError if worker.case else EthogramError)(reason)
             case Loss(cause):
                 yield from self._replace(worker, cause)
 

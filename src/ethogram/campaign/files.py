@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
-from ethogram.campaign.trees import shown
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, shown
 
 LARGEST = 2**31 - 1  # bytes of a file, written or read
 
@@ -48,10 +47,7 @@ def storing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StorageError(
-            f"Cannot store {path}: {error.strerror or error}. Everything stored before is intact; "
-            "once there is room and permission, the same command continues from there."
-        ) from error
+        raise StorageError(f"Cannot store {path}: {error.strerror or error}.") from error
 
 
 # -- reading --------------------------------------------------------------------------------------

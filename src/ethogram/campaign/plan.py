@@ -16,10 +16,9 @@ from ethogram.campaign.trees import (
     flatten,
     nearest,
     report,
-    shown,
     to_tree,
 )
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, shown
 
 S = TypeVar("S")
 Scalar = str | int | float | bool | None
@@ -41,6 +40,12 @@ class Plan(Generic[S]):
     grid: Grid = field(default_factory=dict)
     further: tuple[Grid, ...] = ()
     overrides: tuple[str, ...] = ()  # what a user changed, as typed
+    unchanged: "Plan[S] | None" = field(default=None, repr=False, compare=False)
+
+    def without(self, assignment: str) -> "Plan[S]":
+        """The plan as it is without one of its overrides."""
+        rest = [other for other in self.overrides if other != assignment]
+        return (self.unchanged or self).override(rest)
 
     def points(self) -> list[S]:
         """The settings of every combination of the axes, the last axis varying fastest."""
@@ -98,6 +103,7 @@ class Plan(Generic[S]):
             grid=grids[0],
             further=tuple(grids[1:]),
             overrides=self.overrides + assignments,
+            unchanged=self.unchanged or self,
         )
 
 

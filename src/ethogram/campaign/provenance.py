@@ -6,7 +6,9 @@ They explain a difference between two machines; a digest leaves them out.
 import os
 import platform
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, entry_points, version
+from types import ModuleType
+from typing import Any
 
 _PACKAGES = ("ethogram", "equinox", "jax", "jaxlib", "numpy", "optax", "scipy", "xarray")
 
@@ -30,3 +32,17 @@ def machine() -> str:
 def now() -> str:
     """Date and time to the second, in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def module_of(study: Any) -> str:
+    """The module that a study is, or in which it was made."""
+    return study.__name__ if isinstance(study, ModuleType) else type(study).__module__
+
+
+def package_of(study: Any) -> str:
+    """The other package that a study comes from, with its version: "grazing 1.0"; "" for ours."""
+    top = module_of(study).partition(".")[0]
+    for entry in entry_points(group="ethogram.studies", name=study.NAME):
+        if entry.dist is not None and entry.value.partition(".")[0].partition(":")[0] == top:
+            return f"{entry.dist.name} {entry.dist.version}"
+    return ""

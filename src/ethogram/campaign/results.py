@@ -10,8 +10,8 @@ from ethogram.campaign import files
 from ethogram.campaign.arrays import Record
 from ethogram.campaign.sealed import Damaged, Manifest, PlannedRun, Unusable, sha256
 from ethogram.campaign.store import MANIFESTS, PLAN, Store
-from ethogram.campaign.trees import canonical, shown
-from ethogram.core.errors import EthogramError
+from ethogram.campaign.trees import canonical
+from ethogram.core.errors import EthogramError, shown
 
 RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."
 _DAMAGED_AGAIN = (
@@ -63,7 +63,8 @@ class Collected:
         """Versions of the packages, all of them where records were computed by several."""
         found: dict[str, set[str]] = {}
         for manifest in self.manifests:
-            for package, version in manifest.versions.items():
+            plugin = [tuple(manifest.case.package.rsplit(" ", 1))] if manifest.case.package else []
+            for package, version in (*manifest.versions.items(), *plugin):
                 found.setdefault(package, set()).add(version)
         return {package: ", ".join(sorted(versions)) for package, versions in found.items()}
 

@@ -10,12 +10,12 @@ from typing import Literal
 from ethogram.campaign.case import Case
 from ethogram.campaign.context import Context
 from ethogram.campaign.files import StorageError
-from ethogram.campaign.provenance import now
+from ethogram.campaign.provenance import module_of, now
 from ethogram.campaign.sealed import Failure, OtherFormat, Unusable
 from ethogram.campaign.store import Store
 from ethogram.campaign.study import Study
 from ethogram.campaign.untrusted import printable
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, place_of
 
 _LONGEST = 100_000  # characters of an error or traceback that are kept
 
@@ -28,6 +28,7 @@ class Job:
     store: Store
     wait: bool  # for cases that another run is computing, instead of leaving them to it
     retry_failed: bool = False  # those that failed in an earlier run
+    force: bool = False  # those, too, that are stored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,7 @@ def run_case(job: Job, case: Case, *, report: Callable[[float], None]) -> Receip
             notes = _worked_on(job, case, report)
         except OtherFormat as error:
             return Receipt(case_id=case.id, state="failed", error=str(error))
-        lack = shortfall(store, case.id)
+        lack = shortfall(store, case.id) or _setback(store, case.id)
     state: Literal["stored", "failed"] = "stored" if lack is None else "failed"
     return Receipt(case_id=case.id, state=state, error=lack or "", notes=tuple(notes))
 
@@ -73,6 +74,15 @@ def shortfall(store: Store, case_id: str) -> str | None:
     return failure.error
 
 
+def _setback(store: Store, case_id: str) -> str | None:
+    """Why a case was not computed anew whose record of before stays, and is what there is."""
+    failure = store.failure(case_id)
+    if failure is None:
+        return None
+    store.forget_failure(case_id)
+    return failure.error
+
+
 def give_up(store: Store, case: Case, reason: str) -> Receipt:
     """Record that a case failed in a way that its own process could not record."""
     with store.lock(case.id, wait=True):
@@ -86,21 +96,24 @@ def _worked_on(job: Job, case: Case, report: Callable[[float], None]) -> list[st
     store = job.store
     store.clear(case.id)
     notes = store.set_aside_damaged(case.id)
-    if job.retry_failed:
+    if job.retry_failed or job.force:
         store.forget_failure(case.id)
-    if store.manifest(case.id) is None and store.failure(case.id) is None:
-        notes += _compute(job.study, store, case, report)
+    there = store.manifest(case.id) is not None or store.failure(case.id) is not None
+    if job.force or not there:
+        notes += _compute(job, case, report)
     return notes
 
 
-def _compute(study: Study, store: Store, case: Case, report: Callable[[float], None]) -> list[str]:
+def _compute(job: Job, case: Case, report: Callable[[float], None]) -> list[str]:
     """Run the study on a case and store what comes of it; returns notes for the user."""
+    store = job.store
     started, clock = now(), time.monotonic()
     checkpoints = store.checkpoints(case.id)
     context = Context(report, checkpoints)
     try:
-        record = study.run(case, context)
-        store.save(case, record, started=started, seconds=time.monotonic() - clock)
+        record = job.study.run(case, context)
+        seconds = time.monotonic() - clock
+        store.save(case, record, started=started, seconds=seconds, replace=job.force)
         checkpoints.clear()
     except StorageError:
         raise
@@ -108,7 +121,7 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
         store.save_failure(
             Failure(
                 case=case,
-                error=_in_one_line(error, checkpoints.newest()),
+                error=_in_one_line(error, job.study, checkpoints.newest()),
                 traceback=_in_unicode(traceback.format_exc())[-_LONGEST:],
                 started=started,
                 seconds=time.monotonic() - clock,
@@ -117,10 +130,10 @@ def _compute(study: Study, store: Store, case: Case, report: Callable[[float], N
     return context.notes
 
 
-def _in_one_line(error: Exception, checkpoint: Path | None) -> str:
+def _in_one_line(error: Exception, study: Study, checkpoint: Path | None) -> str:
     message = (str(error).strip() or "no message").splitlines()[0]
     if not isinstance(error, EthogramError):
-        message = f"{type(error).__name__}: {message}"
+        message = f"{type(error).__name__}: {message} ({place_of(error, module_of(study))})"
     if checkpoint is not None:
         message = f"{message} (last checkpoint: {checkpoint})"
     return printable(message[:_LONGEST])

@@ -132,15 +132,22 @@ class Store:
         """Hold the lock of a case; False at once when another process has it, unless waiting."""
         return files.locked(self._folder("locks") / f"{owner}.lock", wait=wait)
 
-    def save(self, case: Case, record: Record, *, started: str, seconds: float) -> None:
-        """Put a record in place: first its arrays, then the manifest that makes it exist."""
+    def save(
+        self, case: Case, record: Record, *, started: str, seconds: float, replace: bool = False
+    ) -> None:
+        """Put a record in place: first its arrays, then the manifest that makes it exist.
+
+        One that is there stays unless it is to be replaced, which the manifest does in one step;
+        its arrays, which another record may share, are left.
+        """
         data, layout = arrays.pack(record)
         manifest = Manifest(
             case=case, arrays=sha256(data), layout=layout, started=started, seconds=seconds
         )
         sealed = seal(manifest)
         self._write(self._path("arrays", manifest.arrays, ".npz"), data)
-        files.write_once(self._manifest_path(case.id), sealed)
+        write = files.write_whole if replace else files.write_once
+        write(self._manifest_path(case.id), sealed)
 
     def save_failure(self, failure: Failure) -> None:
         """Put a failure record in place."""

@@ -1,12 +1,15 @@
 """What a study is to those who run it and show it.  A module that has these names is one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 from ethogram.campaign.arrays import Record
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.campaign.plan import Plan
+from ethogram.campaign.provenance import module_of, package_of
+from ethogram.core.errors import EthogramError, place_of
 from ethogram.core.findings import Claim, Figure, Table
 
 Records = Mapping[str, Record]  # by the case's name, in the plan's order; missing ones are absent
@@ -52,3 +55,19 @@ class Study(Protocol):
 
     def claims(self, records: Records, /) -> Sequence[Claim]:
         """The chapter's claims, all of them, with their verdicts."""
+
+
+@contextmanager
+def blamed(study: Study, doing: str) -> Iterator[None]:
+    """Turn a defect of a study into an `EthogramError` that names study, package, file and line."""
+    try:
+        yield
+    except EthogramError:
+        raise
+    except Exception as error:
+        origin = package_of(study)
+        package = f" of the package {origin!r}" if origin else ""
+        raise EthogramError(
+            f"The study {study.NAME!r}{package} broke in its {doing}: {type(error).__name__}: "
+            f"{error} ({place_of(error, module_of(study))})."
+        ) from error

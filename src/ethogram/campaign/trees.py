@@ -13,13 +13,11 @@ from typing import Any, TypeVar, cast
 
 from pydantic import TypeAdapter, ValidationError
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, shown
 
 S = TypeVar("S")
 Tree = dict[str, Any]  # what json.loads gives for an object
 Complaints = dict[str, list[str]]  # what is wrong, by dotted key
-
-_LONGEST = 80  # characters of a user's value that a message repeats
 
 
 def canonical(value: Any) -> bytes:
@@ -103,12 +101,6 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     else:
         return ""
     return f" Did you mean {best!r}?"
-
-
-def shown(value: Any) -> str:
-    """A user's value as a message repeats it: printable and not endless."""
-    text = repr(value)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _place(location: tuple[int | str, ...], tree: Any) -> tuple[str, Any]:

@@ -5,30 +5,58 @@ answers at once.
 """
 
 import json
-import os
 import sys
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
-from cyclopts import App, CycloptsError, Parameter
-from cyclopts.validators import Number
+from cyclopts import App, CycloptsError
 from rich.console import Console
 
 from ethogram import __version__
-from ethogram.campaign.interrupts import certain_interrupts
-from ethogram.campaign.threads import limit_threads
-from ethogram.cli.gather import comparison_of, gathered, held_in, page_of, trials_in
+from ethogram.campaign.interrupts import certain_interrupts, exit_code, reason
+from ethogram.campaign.threads import one_thread
+from ethogram.cli.gather import (
+    claims_of,
+    comparison_of,
+    gathered,
+    held_in,
+    page_of,
+    trials_in,
+)
+from ethogram.cli.parameters import (
+    AsJson,
+    CaseName,
+    Changes,
+    CompareOut,
+    DryRun,
+    EngineName,
+    Folder,
+    FolderA,
+    FolderB,
+    Force,
+    Format,
+    Name,
+    Out,
+    PlanName,
+    ReplayFormat,
+    ReplayOut,
+    ReplayTrial,
+    ReportOut,
+    Retry,
+    Show,
+    Workers,
+)
 from ethogram.cli.printing import (
     claim_lines,
     finite,
     plain_comparison,
-    say,
     show_comparison,
     show_prospects,
 )
+from ethogram.cli.streams import readable, say, tell, tolerant_streams
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
@@ -39,6 +67,8 @@ if TYPE_CHECKING:
 
 DONE, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130  # exit codes
 
+_CONTINUES = "Every finished case is stored; the same command continues from there."
+
 app = App(
     name="ethogram",
     help="Worlds in which artificial agents learn, and studies of what behaviour emerges.",
@@ -46,99 +76,65 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-Name = Annotated[str, Parameter(help="Name of the study; `ethogram list` shows them.")]
-PlanName = Annotated[str, Parameter(name="--plan", help="Name of the plan: smoke, quick, thesis.")]
-Folder = Annotated[Path, Parameter(help="Folder of the results, where `ethogram run` put them.")]
-Out = Annotated[Path, Parameter(help="Folder of the results; a run continues from what is there.")]
-EngineName = Annotated[
-    str, Parameter(name="--engine", help="pool (several processes) or inline (this one).")
-]
-Workers = Annotated[
-    int | None,
-    Parameter(
-        validator=Number(gte=1),
-        help="Cases to compute at once; by default as many as cores and memory admit.",
-    ),
-]
-Changes = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--set",
-        negative=(),
-        consume_multiple=True,
-        show_default=False,
-        help="key=value, any number of them: change a setting of the plan, or restrict an axis to "
-        "one value or a list (strategy=always,none).",
-    ),
-]
-Retry = Annotated[bool, Parameter(negative=(), help="Try cases again that failed before.")]
-DryRun = Annotated[bool, Parameter(negative=(), help="List the cases, with time and memory.")]
-CaseName = Annotated[str, Parameter(help="Name of the case; `ethogram run --dry-run` shows them.")]
-ReplayOut = Annotated[
-    Path | None, Parameter(name="--out", help="File to write; by default one in the report.")
-]
-Format = Literal["html", "gif", "webp", "mp4"]
-ReplayFormat = Annotated[
-    Format | None,
-    Parameter(
-        name="--format",
-        help="What to write: a page with a player (html), or a film (mp4 needs `ethogram[video]`); "
-        "by default what the name of --out ends in, else html.",
-    ),
-]
-ReplayTrial = Annotated[
-    int | None,
-    Parameter(
-        help="Trial to show, from 1; by default all that were recorded, in a film the first."
-    ),
-]
-FolderA = Annotated[Path, Parameter(help="Folder of the one run's results.")]
-FolderB = Annotated[Path, Parameter(help="Folder of the other run's results.")]
-ReportOut = Annotated[
-    Path | None, Parameter(name="--out", help="Folder to write to; by default that of the results.")
-]
-CompareOut = Annotated[
-    Path | None, Parameter(name="--out", help="File to write; by default compare.html in DIR_B.")
-]
-Show = Annotated[bool, Parameter(name="--show", negative="--no-show", help="Open it in a browser.")]
-AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON, not text.")]
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns its exit code."""
-    limit_threads()  # before a command loads NumPy and JAX
-    try:
-        with certain_interrupts():
-            code = app(
-                arguments, exit_on_error=False, print_error=False, result_action="return_value"
-            )
-        sys.stdout.flush()
-    except (CycloptsError, EthogramError) as error:
-        say(f"ethogram: {error}")
-        return WRONG
-    except KeyboardInterrupt:
-        say("Interrupted. Every finished case is stored; the same command continues from there.")
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+    """Run the command line, also from Python: `main(["run", "sharing", "--plan", "smoke"])`.
+
+    Takes the words of `sys.argv` where none are given.  Signal handlers, environment variables and
+    streams are afterwards as they were before.  In a thread other than the main one, in which
+    Python handles no signals, Ctrl-C is left to the caller.
+
+    Returns:
+        The exit code: 0 when all is done; 1 when a case failed or something was left out of what
+        is shown; 2 for what the user or the machine has to mend, after one message; 128 and the
+        number of the signal after SIGINT, SIGTERM or SIGHUP (130, 143, 129).
+
+    Raises:
+        Exception: a defect of Ethogram, of whatever type, with its traceback.
+
+    """
+    typed = sys.argv[1:] if arguments is None else list(map(str, arguments))
+    with one_thread(), tolerant_streams() as output:  # before a command loads NumPy and JAX
+        try:
+            with certain_interrupts():
+                code = app(
+                    typed, exit_on_error=False, print_error=False, result_action="return_value"
+                )
+            output.flush()
+        except (CycloptsError, EthogramError) as error:
+            say(readable(f"ethogram: {error}", typed))
+            return WRONG
+        except KeyboardInterrupt as stop:
+            say(f"{reason()} {stop}".rstrip())
+            return exit_code()
+        if output.trouble:
+            say(f"ethogram: Cannot print the output: {output.trouble}.")
+            return WRONG
     return DONE if code is None else int(code)
 
 
 @app.command(name="list")
-def list_() -> None:
+def list_() -> int:
     """List the studies with their plans, the worlds and the learners."""
     from ethogram.learners import LEARNERS
     from ethogram.studies import STUDIES
     from ethogram.worlds import WORLDS
 
+    broken = []
     for name in STUDIES.names():
-        study = STUDIES.get(name)
+        try:
+            study = STUDIES.get(name)
+        except EthogramError as error:
+            broken.append(str(error))
+            continue
         print(f"{name}: {study.TITLE}. {study.QUESTION}")
         for plan in study.PLANS.values():
             print(f"  --plan {plan.name}: {plan.description}")
     print(f"worlds: {', '.join(WORLDS.names())}")
     print(f"learners: {', '.join(LEARNERS.names())}")
+    for message in broken:
+        say(readable(message))
+    return FAILED if broken else DONE
 
 
 @app.command
@@ -152,6 +148,7 @@ def run(
     workers: Workers = None,
     changes: Changes = (),
     retry_failed: Retry = False,
+    force: Force = False,
     dry_run: DryRun = False,
 ) -> int:
     """Run a plan of a study, or what is missing of it."""
@@ -162,10 +159,20 @@ def run(
     chosen, chosen_plan = _chosen(study, plan, changes)
     if dry_run:
         prospects = survey(chosen, chosen_plan, out)
-        to_do = [found for found in prospects if found.is_to_do(retry_failed=retry_failed)]
+        to_do = [
+            each for each in prospects if each.is_to_do(retry_failed=retry_failed, force=force)
+        ]
         show_prospects(prospects, to_do, crew_size(compute, to_do, workers))
         return DONE
-    summary = _carried_out(chosen, chosen_plan, out, compute, workers, retry_failed)
+    summary = _carried_out(
+        chosen,
+        chosen_plan,
+        out,
+        engine=compute,
+        workers=workers,
+        retry_failed=retry_failed,
+        force=force,
+    )
     return _conclude([summary], out)
 
 
@@ -175,9 +182,15 @@ def report(folder: Folder, /, *, out: ReportOut = None) -> int:
     from ethogram.report import write
 
     found = gathered(folder)
-    pages = [page_of(study, collected) for study, collected in found.studies]
-    print(write(out or folder, pages))
-    return FAILED if found.damages else DONE
+    pages = []
+    for number, (study, collected) in enumerate(found.studies, 1):
+        say(f"{study.NAME}: drawing the page ({number} of {len(found.studies)}).")
+        try:
+            pages.append(page_of(study, collected))
+        except EthogramError as error:
+            say(readable(f"{error} It is left out."))
+    tell(write(out or folder, pages))
+    return FAILED if found.damages or len(pages) < len(found.studies) else DONE
 
 
 @app.command
@@ -226,7 +239,7 @@ def replay(
         raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.trouble}.")
     else:
         write_film(file, shown.scene)
-    print(file)
+    tell(file)
     if show and written == "html":
         webbrowser.open(file.resolve().as_uri())
     return DONE
@@ -234,9 +247,13 @@ def replay(
 
 @app.command
 def claims(folder: Folder, /, *, as_json: AsJson = False) -> int:
-    """Print the thesis' claims with their verdicts."""
-    held = gathered(folder)
-    found = {study.NAME: study.claims(collected.records) for study, collected in held.studies}
+    """Print the claims of the studies with their verdicts."""
+    held, found = gathered(folder), {}
+    for study, collected in held.studies:
+        try:
+            found[study.NAME] = claims_of(study, collected.records)
+        except EthogramError as error:
+            say(readable(f"{error} It is left out."))
     if as_json:
         plain = {
             "claims": {name: [finite(asdict(claim)) for claim in found[name]] for name in found},
@@ -249,7 +266,7 @@ def claims(folder: Folder, /, *, as_json: AsJson = False) -> int:
             print(name)
             for claim in verdicts:
                 print(claim_lines(claim))
-    return FAILED if held.damages else DONE
+    return FAILED if held.damages or len(found) < len(held.studies) else DONE
 
 
 @app.command
@@ -306,15 +323,39 @@ def reproduce(
 ) -> int:
     """Run a plan of every study there is, then write the report."""
     from ethogram.campaign.engines import engine_named
+    from ethogram.campaign.files import StorageError
     from ethogram.studies import STUDIES
 
     compute = engine_named(engine)
-    chosen = [_chosen(name, plan) for name in STUDIES.names()]
-    summaries = [
-        _carried_out(study, study_plan, out, compute, workers, retry_failed)
-        for study, study_plan in chosen
-    ]
-    return max(_conclude(summaries, out), report(out))
+    chosen, troubles = [], []
+    for name in STUDIES.names():
+        try:
+            chosen.append(_chosen(name, plan))
+        except EthogramError as error:
+            troubles.append(error)
+    if not chosen and troubles:
+        raise troubles[0]
+    summaries = []
+    for study, study_plan in chosen:
+        try:
+            summaries.append(
+                _carried_out(
+                    study,
+                    study_plan,
+                    out,
+                    engine=compute,
+                    workers=workers,
+                    retry_failed=retry_failed,
+                )
+            )
+        except StorageError:
+            raise
+        except EthogramError as error:
+            troubles.append(error)
+    code = max(_conclude(summaries, out), report(out))
+    for trouble in troubles:
+        say(readable(f"Left out: {trouble}"))
+    return max(code, FAILED) if troubles else code
 
 
 def _chosen(
@@ -330,37 +371,27 @@ def _chosen(
 
 
 def _carried_out(
-    study: "Study",
-    plan: "Plan[Any]",
-    out: Path,
-    engine: "Engine",
-    workers: int | None,
-    retry_failed: bool,
+    study: "Study", plan: "Plan[Any]", out: Path, *, engine: "Engine", **options: Any
 ) -> "Summary":
     from ethogram.campaign.display import Display
     from ethogram.campaign.launch import launch
 
-    with Display(Console(stderr=True)) as display:
-        return launch(
-            study,
-            plan,
-            out,
-            engine=engine,
-            monitor=display,
-            workers=workers,
-            retry_failed=retry_failed,
-        )
+    try:
+        with Display(Console(stderr=True)) as display:
+            return launch(study, plan, out, engine=engine, monitor=display, **options)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_CONTINUES) from None
 
 
 def _conclude(summaries: "Sequence[Summary]", out: Path) -> int:
     """Say how runs ended; returns the exit code."""
     planned = sum(summary.planned for summary in summaries)
     stored = sum(summary.stored for summary in summaries)
-    print(f"{stored} of {planned} cases are stored in {out}.")
+    tell(f"{stored} of {planned} cases are stored in {out}.")
     failures = [failure for summary in summaries for failure in summary.failures]
     if not failures:
         return DONE
     say(f"{len(failures)} failed; --retry-failed tries them again:")
     for name, error in failures:
-        say(f"  {name}: {error}")
+        say(readable(f"  {name}: {error}"))
     return FAILED

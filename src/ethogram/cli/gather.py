@@ -1,12 +1,12 @@
 """From a folder of results to what is shown of it."""
 
 import shlex
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ethogram.cli.printing import say
+from ethogram.cli.streams import readable, say
 from ethogram.core.errors import EthogramError, UnknownName
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ethogram.campaign.results import Collected
     from ethogram.campaign.store import Store
     from ethogram.campaign.study import Records, Study
+    from ethogram.core.findings import Claim
     from ethogram.report import Comparison, Replay, StudyPage
 
 
@@ -45,8 +46,8 @@ def gathered(folder: Path, names: Container[str] | None = None) -> Gathered:
         if name not in known:
             say(f"{store.folder} is left out: no study of the name {name!r} is installed.")
             continue
-        study = STUDIES.get(name)
         try:
+            study = STUDIES.get(name)
             collected = _collected(study, store)
         except EthogramError as error:
             refusals.append(str(error))
@@ -60,7 +61,7 @@ def gathered(folder: Path, names: Container[str] | None = None) -> Gathered:
         raise EthogramError("\n".join(refusals))
     damages += [f"{refusal} The study is left out." for refusal in refusals]
     for damage in damages:
-        say(damage)
+        say(readable(damage))
     return Gathered(studies, tuple(damages))
 
 
@@ -85,10 +86,12 @@ def _collected(study: "Study", store: "Store") -> "Collected":
 
 def _fitting_plan(study: "Study", store: "Store") -> str:
     """The command that takes up most of what a store holds, for a store without its plan."""
-    stored = set(store.case_ids())
+    from ethogram.campaign.provenance import package_of
+
+    stored, package = set(store.case_ids()), package_of(study)
     found = {}
     for name, plan in study.PLANS.items():
-        cases = study.cases(plan)
+        cases = [replace(case, package=package) for case in study.cases(plan)]
         taken_up = sum(case.id in stored for case in cases)
         found[name] = (taken_up, -len(cases))
     best = max(found, key=lambda name: found[name], default=None)
@@ -104,15 +107,22 @@ def _fitting_plan(study: "Study", store: "Store") -> str:
 
 def page_of(study: "Study", collected: "Collected") -> "StudyPage":
     """A study's page, with all there is to show."""
+    from ethogram.campaign.study import blamed
+
     records = collected.records
-    figures, replays = study.figures(records), _replays(records)
+    with blamed(study, "figures"):
+        figures = study.figures(records)
+    replays = _replays(records)
     return replace(undrawn_page(study, collected), figures=figures, replays=replays)
 
 
 def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
     """A page without what takes time to draw."""
+    from ethogram.campaign.study import blamed
     from ethogram.report import StudyPage
 
+    with blamed(study, "tables"):
+        tables = study.tables(collected.records)
     planned, manifests, records = collected.planned, collected.manifests, collected.records
     return StudyPage(
         name=study.NAME,
@@ -130,9 +140,17 @@ def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
         digest=collected.digest,
         settings=planned.varied_settings,
         versions=collected.versions,
-        claims=study.claims(records),
-        tables=study.tables(records),
+        claims=claims_of(study, records),
+        tables=tables,
     )
+
+
+def claims_of(study: "Study", records: "Records") -> "Sequence[Claim]":
+    """A study's claims; an error that names the place where its own code broke."""
+    from ethogram.campaign.study import blamed
+
+    with blamed(study, "claims"):
+        return study.claims(records)
 
 
 def comparison_of(dir_a: Path, dir_b: Path) -> "tuple[Comparison, tuple[str, ...]]":

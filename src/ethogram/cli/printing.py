@@ -1,7 +1,6 @@
 """What commands print: tables as wide as the terminal, and JSON."""
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,15 +10,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ethogram.cli.streams import say
+
+_ANY_WIDTH = 100_000  # columns
+
 if TYPE_CHECKING:
     from ethogram.campaign.launch import Prospect
     from ethogram.core.findings import Claim
     from ethogram.report import Comparison
-
-
-def say(text: str) -> None:
-    """Print for the person at the terminal, apart from what a command gives out."""
-    print(text, file=sys.stderr)
 
 
 def show_prospects(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]", crew: int) -> None:
@@ -27,6 +25,7 @@ def show_prospects(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]",
     from ethogram.campaign.display import readable_seconds
     from ethogram.core.memory import available_memory, readable_bytes
 
+    console = Console()
     table = Table("case", "state", "time", "memory", box=None)
     for prospect in prospects:
         table.add_row(
@@ -35,7 +34,12 @@ def show_prospects(prospects: "Sequence[Prospect]", to_do: "Sequence[Prospect]",
             readable_seconds(prospect.cost.seconds),
             readable_bytes(prospect.cost.bytes),
         )
-    Console().print(table)
+    unbounded = console.options.update(width=_ANY_WIDTH)
+    if console.measure(table, options=unbounded).maximum <= console.width:
+        console.print(table)
+    else:  # names stay whole, to be searched for and copied
+        for column in zip(*(column.cells for column in table.columns), strict=True):
+            print("{}: {}, {}, {}".format(*column))
     seconds = sum(prospect.cost.seconds for prospect in to_do) / crew
     peak = sum(sorted(prospect.cost.bytes for prospect in to_do)[-crew:])
     print(

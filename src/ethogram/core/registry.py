@@ -8,11 +8,12 @@ package adds a name through an entry point of the registry's group, for example
     meadow = "grazing.meadow:Meadow"
 """
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
-from ethogram.core.errors import EthogramError, UnknownName
+from ethogram.core.errors import EthogramError, UnknownName, place_of
 
 T = TypeVar("T")
 
@@ -21,13 +22,29 @@ class Registry(Generic[T]):
     """The names of one kind of thing, each loaded when it is first asked for.
 
     A name means one thing only.  Two sources for it would make a study's records depend on the
-    order in which packages were installed, so that is an error and never a silent choice.
+    order in which packages were installed, so asking for it is an error and never a silent choice.
+    Whatever is wrong with an entry, the others can be used.
     """
 
-    def __init__(self, what: str, group: str, builtin: Mapping[str, str]) -> None:
-        """`what` names one entry in messages ("study"), `group` is the entry points' group."""
+    def __init__(
+        self,
+        what: str,
+        group: str,
+        builtin: Mapping[str, str],
+        trouble_with: Callable[[str, Any], str] | None = None,
+    ) -> None:
+        """Begin with those that are ours.
+
+        Args:
+            what: one entry in messages ("study").
+            group: the group of the entry points.
+            builtin: object references by name.
+            trouble_with: says what a plug-in lacks that is loaded under a name, or "".
+
+        """
         self.what = what
         self.group = group
+        self._trouble_with = trouble_with
         self._builtin = {name: EntryPoint(name, value, group) for name, value in builtin.items()}
 
     def names(self) -> list[str]:
@@ -37,36 +54,43 @@ class Registry(Generic[T]):
     def get(self, name: str) -> T:
         """The thing of that name.
 
-        Raises `UnknownName` for a name that nobody registered, and `EthogramError` for a plug-in
-        that cannot be imported.  A failure inside Ethogram itself keeps its own traceback.
+        Raises `UnknownName` for a name that nobody registered, and `EthogramError` for one that two
+        packages claim or for a plug-in that cannot be imported or is not what it has to be: with
+        its package, file and line.  A failure inside Ethogram itself keeps its own traceback.
         """
         entries = self._entries()
         if name not in entries:
             raise UnknownName(self.what, name, entries)
-        entry = entries[name]
-        if name in self._builtin:
-            return cast(T, entry.load())
-        try:
-            return cast(T, entry.load())
-        except Exception as cause:
+        entry, *others = entries[name]
+        if others:
             raise EthogramError(
-                f"The {self.what} {name!r} cannot be loaded from {_origin(entry)}: "
-                f"{type(cause).__name__}: {cause}"
-            ) from cause
+                f"Two packages register the {self.what} {name!r}: {_origin(entry)} and "
+                f"{_origin(others[0])}. Rename or remove one of them."
+            )
+        return cast(T, entry.load() if name in self._builtin else self._loaded(entry))
 
-    def _entries(self) -> dict[str, EntryPoint]:
-        """Our entries and the plug-ins' ones, which may claim no name twice."""
-        entries = dict(self._builtin)
+    def _loaded(self, entry: EntryPoint) -> Any:
+        """What a plug-in's entry stands for."""
+        refusal = f"The {self.what} {entry.name!r} cannot be loaded from {_origin(entry)}: "
+        try:
+            loaded = entry.load()
+        except (Exception, SystemExit) as cause:
+            place = place_of(cause, entry.module)
+            raise EthogramError(f"{refusal}{type(cause).__name__}: {cause} ({place}).") from cause
+        trouble = self._trouble_with(entry.name, loaded) if self._trouble_with else ""
+        if trouble:
+            file = getattr(sys.modules.get(entry.module), "__file__", None) or entry.module
+            raise EthogramError(f"{refusal}{trouble} ({file}:1).")
+        return loaded
+
+    def _entries(self) -> dict[str, list[EntryPoint]]:
+        """Our entries and the plug-ins' ones; more than one where packages claim the same name."""
+        entries = {name: [entry] for name, entry in self._builtin.items()}
         for plugin in entry_points(group=self.group):
-            taken = entries.setdefault(plugin.name, plugin)
-            if taken is not plugin:
-                raise EthogramError(
-                    f"Two packages register the {self.what} {plugin.name!r}: "
-                    f"{_origin(taken)} and {_origin(plugin)}. Rename or remove one of them."
-                )
+            entries.setdefault(plugin.name, []).append(plugin)
         return entries
 
 
 def _origin(entry: EntryPoint) -> str:
-    package = entry.dist.name if entry.dist is not None else "ethogram"
+    package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "ethogram"
     return f"the package {package!r} (entry point {entry.value!r})"

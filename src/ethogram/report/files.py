@@ -41,7 +41,9 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
     try:
         _refuse_links(folder, [*files, LISTING])
         known = _listed(folder)
-        _refuse_to_replace_foreign(folder, [path for path in files if path not in known])
+        for path in files.keys() - known.keys():
+            if path.endswith(".html"):
+                _refuse_to_replace_foreign(folder / path)
         _write(folder / LISTING, _json(known | hashes))
         for path, content in contents.items():
             _write(folder / path, content)
@@ -56,7 +58,7 @@ def publish(folder: Path, files: Mapping[str, str]) -> None:
 def publish_one(file: Path, text: str) -> None:
     """Put a page of its own in place, whole; one that is not ours is left alone."""
     try:
-        _refuse_to_replace_foreign(file.parent, [file.name])
+        _refuse_to_replace_foreign(file)
         _write(file, text.encode(errors="replace"))
     except OSError as error:
         reason = error.strerror or str(error)
@@ -79,14 +81,12 @@ def _refuse_links(folder: Path, paths: Iterable[str]) -> None:
             refuse_link(folder / below)
 
 
-def _refuse_to_replace_foreign(folder: Path, paths: list[str]) -> None:
-    for path in paths:
-        page = folder / path
-        if page.suffix == ".html" and is_there(page) and not _is_ours(page):
-            raise EthogramError(
-                f"{str(page)!r} is there and is no page of Ethogram's: move it, or choose another "
-                "folder for the report."
-            )
+def _refuse_to_replace_foreign(page: Path) -> None:
+    if is_there(page) and not _is_ours(page):
+        raise EthogramError(
+            f"{str(page)!r} is there and is no page of Ethogram's: move it, or choose another "
+            "place for ours."
+        )
 
 
 def _is_ours(page: Path) -> bool:
