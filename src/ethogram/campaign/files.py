@@ -230,7 +230,7 @@ def _begun(folder: Path) -> tuple[Path, int]:
         descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         with suppress(OSError):  # no locks here: then nobody can take the file for abandoned
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-        if os.fstat(descriptor).st_nlink:
+        if is_there(temporary):
             return temporary, descriptor
         os.close(descriptor)  # swept away before it was locked
 
@@ -240,14 +240,13 @@ def _remove_abandoned(path: Path) -> None:
     if not is_file(path):
         return
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except (FileNotFoundError, PermissionError):  # put in place by now, or another user's
         return
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        path.unlink(missing_ok=True)
-    except BlockingIOError:
-        pass
+        with suppress(OSError):  # held, or there are no locks here
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink(missing_ok=True)
     finally:
         os.close(descriptor)
 
