@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import suppress
 from types import ModuleType
 
 import pytest
@@ -124,6 +125,17 @@ def test_a_process_in_which_no_python_code_runs_ends_all_the_same(monkeypatch):
     finally:
         signal.signal(signal.SIGTERM, before)
     assert (said, codes) == (["Terminated."], [143])
+
+
+def test_many_signals_are_as_good_as_one(monkeypatch):
+    dropped = []
+    monkeypatch.setattr(sys, "unraisablehook", dropped.append)
+    with certain_interrupts(), certain_end(lambda: None):
+        for _ in range(1000):
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+            os.sched_yield()
+    assert dropped == []
 
 
 @pytest.mark.parametrize("engine", [inline, pool])

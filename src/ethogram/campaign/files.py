@@ -87,6 +87,18 @@ def is_file(path: Path) -> bool:
     return status is not None and stat.S_ISREG(status.st_mode)
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a folder has that name, also through a link; an error where we may not look."""
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            return False
+        raise StorageError(f"Cannot read {path}: {error.strerror or error}.") from error
+
+
 def changed(path: Path) -> int:
     """When a file was last written (ns); 0 where there is none."""
     status = _status(path)

@@ -79,10 +79,11 @@ def certain_end(sentence: Callable[[], None]) -> Iterator[None]:
         with os.fdopen(reader, "rb", buffering=0) as pipe:
             numbers = iter(lambda: pipe.read(1), b"")  # a byte for each signal
             number = next((each[0] for each in numbers if each[0] in _WORDS), None)
-        if number is not None and not ended.wait(_CERTAIN_SECONDS):
-            want_stop(number)
-            sentence()
-            os._exit(exit_code())
+            # the pipe stays open: more signals may come
+            if number is not None and not ended.wait(_CERTAIN_SECONDS):
+                want_stop(number)
+                sentence()
+                os._exit(exit_code())
 
     threading.Thread(target=watch, daemon=True).start()
     before = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)

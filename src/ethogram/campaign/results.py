@@ -146,12 +146,19 @@ def _stores_in(folder: Path) -> list[str]:
 
 def _is_store(folder: Path) -> bool:
     """Whether a folder is a store, or does not let us see: whoever reads it then says so."""
-    if not folder.is_dir():
-        return False
     try:
+        if not files.is_folder(folder):
+            return False
         return any(files.is_there(folder / mark) for mark in (PLAN, MANIFESTS))
     except files.StorageError:
         return True
+
+
+def _holds_stores(folder: Path) -> bool:
+    try:
+        return files.is_folder(folder) and bool(_stores_in(folder))
+    except files.StorageError:
+        return False
 
 
 def _likely(folder: Path) -> str:
@@ -161,7 +168,7 @@ def _likely(folder: Path) -> str:
     beside = []
     with suppress(files.StorageError):  # it is a guess
         for name in files.names_in(folder.parent):
-            if (folder.parent / name).is_dir() and _stores_in(folder.parent / name):
+            if _holds_stores(folder.parent / name):
                 beside.append(name)
     near = difflib.get_close_matches(folder.name, beside, n=1, cutoff=0.5) or beside[:1]
     return f" Did you mean {str(folder.parent / near[0])!r}?" if near else ""
