@@ -173,18 +173,19 @@ def training(robots: int, copies: int) -> Run:
     learner = learner_at(robots)
     key = jax.random.key(0)
     learned = learner.init(key)
-    done = 0
+    done = CHUNK
 
-    def keep(played, after, metrics) -> None:
-        nonlocal learned, done
-        learned, done = after, played
+    def look(played, after, metrics) -> None:
+        del played, after
         if not np.abs(metrics["reward"]["mover"]).min() > 0:
             raise RuntimeError("nothing was earned: the benchmark does not measure training")
 
-    train(Playing(learner), key, learned, CHUNK, chunk=CHUNK, after_chunk=keep)
+    learned = train(Playing(learner), key, learned, done, after_chunk=look)
 
     def run() -> int:
-        train(learner, key, learned, done + CHUNK, chunk=CHUNK, after_chunk=keep, start=done)
+        nonlocal learned, done
+        learned = train(learner, key, learned, done + CHUNK, after_chunk=look, start=done)
+        done += CHUNK
         return CHUNK * learner.episodes * learner.world.horizon
 
     return run

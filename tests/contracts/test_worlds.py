@@ -1,11 +1,14 @@
 """What every registered world promises, whatever it is about."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ethogram.core.actions import InvalidAction, nearest
 from ethogram.core.rollout import episode_ended
 from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import World
@@ -36,7 +39,7 @@ def played(request):
             steps.append((action, state, outcome))
         return observation, steps
 
-    return world, run(step), run(type(world).step, EAGER), run(step), traces
+    return world, run(step), run(type(world).step, EAGER), run(step), traces, step
 
 
 def _sample(key, role):
@@ -65,12 +68,12 @@ def test_jitted_steps_equal_eager_ones(played):
 
 
 def test_the_same_keys_give_the_same_world(played):
-    _, first, _, again, _ = played
+    _, first, _, again, *_ = played
     jax.tree.map(np.testing.assert_array_equal, first, again)
 
 
 def test_a_step_is_traced_once(played):
-    assert len(played[-1]) == 1
+    assert len(played[4]) == 1
 
 
 def test_actions_drawn_at_random_are_in_their_spaces(played):
@@ -112,3 +115,141 @@ def test_an_episode_ends_by_its_horizon(played):
     state, _ = world.reset(jax.random.key(1))
     keys = jax.random.split(jax.random.key(2), world.horizon)
     assert jax.lax.scan(play, state, keys)[1].any()
+
+
+def test_step_and_reset_can_be_given_to_jit_itself(played):
+    world, (_, steps), *_ = played
+    key, (action, state, outcome) = jax.random.key(0), steps[0]
+    fresh, _ = jax.eval_shape(jax.jit(world.reset), key)
+    _, found = jax.eval_shape(jax.jit(world.step), key, state, action)
+    same = (fresh, state), (found, outcome)
+    assert all(jax.tree.structure(a) == jax.tree.structure(b) for a, b in same)
+
+
+def test_an_action_of_another_form_is_refused_by_role_and_shape(played):
+    world, (_, steps), *_ = played
+    action, state, _ = steps[0]
+    for role, value in action.items():
+        wrong = [
+            value[:-1],
+            jnp.concatenate([value, value[:1]]),
+            value[0],
+            value[..., None],
+            value.astype(bool),
+            value.astype(complex),
+            "none",
+            None,
+        ]
+        if jnp.issubdtype(value.dtype, jnp.integer):
+            wrong.append(value.astype(float))
+        for other in wrong:
+            with pytest.raises(InvalidAction, match=f"role '{role}' is .*; given: "):
+                world.step(jax.random.key(0), state, action | {role: other})
+        fewer = {name: part for name, part in action.items() if name != role}
+        for other in (fewer, action | {"stranger": value}, value, None):
+            with pytest.raises(InvalidAction, match=rf"for each of the roles .*'{role}'.*; given"):
+                world.step(jax.random.key(0), state, other)
+
+
+def test_whole_numbers_and_lists_pass_for_what_they_are(played):
+    world, (_, steps), *_ = played
+    action, state, _ = steps[0]
+    plain = {role: np.asarray(value).tolist() for role, value in action.items()}
+    found = jax.eval_shape(lambda: world.step(jax.random.key(0), state, plain))
+    assert jax.tree.map(lambda part: (part.shape, part.dtype), found[0]) == jax.tree.map(
+        lambda part: (part.shape, part.dtype), state
+    )
+
+
+WRONG = (-1, 99_999, -(2**31), 2**31 - 1)
+BEYOND = (jnp.nan, jnp.inf, -jnp.inf, -1e30, 100.0)
+
+
+def test_what_is_out_of_a_space_is_taken_for_what_is_in_it_and_spoils_no_state(played):
+    world, (_, steps), *_, step = played
+    before, state, _ = steps[0]
+    for wrong in zip(WRONG, BEYOND[:4], strict=True):
+        action = {role: _filled(value, *wrong) for role, value in before.items()}
+        taken = nearest(world.roles, action)
+        key = jax.random.key(0)
+        found, expected = step(world, key, state, action), step(world, key, state, taken)
+        jax.tree.map(np.testing.assert_array_equal, found, expected)
+        after, outcome = found
+        for name, role in world.roles.items():
+            assert role.action.contains(taken[name]).all()
+            assert role.observation.contains(outcome.observation[name]).all()
+            assert jnp.isfinite(outcome.reward[name]).all()
+        once_more, _ = step(world, key, after, before)
+        assert _finite(once_more) == _finite(state)
+
+
+def _filled(value, whole, real):
+    is_whole = jnp.issubdtype(value.dtype, jnp.integer)
+    return value.at[0].set(whole if is_whole else real)
+
+
+def _finite(state):
+    return [
+        bool(jnp.isfinite(part).all()) for part in jax.tree.leaves(state) if part.dtype == float
+    ]
+
+
+def test_check_names_role_agent_and_value(played):
+    world, (_, steps), *_ = played
+    action = steps[0][0]
+    jax.tree.map(np.testing.assert_array_equal, world.check(action), action)
+    for role, value in action.items():
+        for wrong in zip(WRONG, BEYOND[:4], strict=True):
+            other = action | {role: _filled(value, *wrong)}
+            with pytest.raises(InvalidAction, match=rf"role '{role}' is out of .* agent 0 is "):
+                world.check(other)
+
+
+def numeric_settings(module):
+    """The settings of a world, and of what it is made of, that are no sizes."""
+    found = [field for field in dataclasses.fields(module) if not field.metadata.get("static")]
+    for field in found:
+        value = getattr(module, field.name)
+        if isinstance(value, eqx.Module):
+            yield from ((field.name, *path) for path in numeric_settings(value))
+        elif "setting" in field.metadata:
+            yield (field.name,)
+
+
+def at(path):
+    def value(module):
+        for name in path:
+            module = getattr(module, name)
+        return module
+
+    return value
+
+
+def swept(world, path):
+    """The world with two values of a setting, which goes through all that checks it."""
+    value = at(path)(world)
+    two = jnp.array([0.0, 1.0]) if value is None else jnp.stack([value, value * 9 // 10])
+    if len(path) == 1:
+        return dataclasses.replace(world, **{path[0]: two})
+    return dataclasses.replace(world, **{path[0]: swept(getattr(world, path[0]), path[1:])})
+
+
+@pytest.mark.parametrize("name", WORLDS.names())
+def test_every_numeric_setting_can_be_swept(name):
+    world = WORLDS.get(name)()
+    paths = list(numeric_settings(world))
+    assert paths
+    whole = world
+    for path in paths:
+        two = at(path)(swept(world, path))
+        assert two.shape == (2,)
+        whole = eqx.tree_at(at(path), whole, two, is_leaf=lambda part: part is None)
+
+    def play(world):
+        key = jax.random.key(0)
+        action = {role: _sample(key, played) for role, played in world.roles.items()}
+        return world.step(key, world.reset(key)[0], action)
+
+    axes = jax.tree.map(lambda part: 0 if part.shape == (2,) else None, whole)
+    state, outcome = eqx.filter_eval_shape(eqx.filter_vmap(play, in_axes=(axes,)), whole)
+    assert all(part.shape[0] == 2 for part in jax.tree.leaves((state, outcome)))

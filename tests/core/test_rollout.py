@@ -2,7 +2,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from ethogram.core.actions import InvalidAction
+from ethogram.core.checked import Checked
 from ethogram.core.rollout import rollout
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, Role, World
@@ -52,3 +55,26 @@ def test_a_rollout_goes_on_from_where_another_stopped():
     position, _ = rollout(Counter(), obey, jax.random.key(0), 2)
     _, played = rollout(Counter(), obey, jax.random.key(1), 2, position)
     np.testing.assert_array_equal(played.observation["agent"][:, 0], [2, 0])
+
+
+def test_a_policy_for_another_number_of_agents_is_refused():
+    with pytest.raises(
+        InvalidAction, match=r"Counter: the action of the role 'agent' is int32\[1\]"
+    ):
+        rollout(Counter(), lambda key, seen: {"agent": jnp.zeros(2, int)}, jax.random.key(0), 2)
+
+
+def test_a_checked_world_steps_like_the_other_and_stops_at_an_action_out_of_its_space():
+    @eqx.filter_jit
+    def play(world, beyond):
+        def policy(key, observation):
+            return jax.tree.map(lambda action: action + beyond, obey(key, observation))
+
+        return rollout(world, policy, jax.random.key(0), 7)
+
+    world = Counter()
+    (_, found), (_, expected) = (play(each, jnp.int32(0)) for each in (Checked(world), world))
+    jax.tree.map(np.testing.assert_array_equal, found.outcome, expected.outcome)
+    play(world, jnp.int32(1))  # takes 2 for 1
+    with pytest.raises(RuntimeError, match=r"'agent' is out of Discrete\(n=2\)"):
+        play(Checked(world), jnp.int32(1))

@@ -32,3 +32,43 @@ def test_a_sum_of_weights_may_be_rounded():
     assert weights.sum() != 1
     assert Simplex(1000).contains(weights)
     assert not Simplex(1000).contains(weights * 1.001)
+
+
+@pytest.mark.parametrize(
+    ("space", "wrong"),
+    [
+        (Discrete(4), [1.5, 1.0, True, np.nan]),
+        (MultiDiscrete((2, 3)), [[0.5, 1.0], [True, True], [0], [0, 1, 1]]),
+        (Simplex(2), [[True, False], [1j, 0], [1.0], [1.0, 0.0, 0.0], [np.nan, 1.0]]),
+        (Box(-1, 2, (2,)), [[True, True], [0j, 0j], [0.0], [0.0, 0.0, 0.0]]),
+        (Box(0, 1, ()), [True, 0j, np.nan]),
+    ],
+)
+def test_another_kind_of_number_or_another_shape_is_in_no_space(space, wrong):
+    for value in wrong:
+        assert not space.contains(jnp.asarray(value)).any()
+        assert not space.contains(jnp.asarray([value, value])).any()
+
+
+@pytest.mark.parametrize(
+    ("space", "given", "taken"),
+    [
+        (Discrete(3), [-5, 0, 2, 3], [0, 0, 2, 2]),
+        (MultiDiscrete((2, 3)), [[-1, 1], [5, 5]], [[0, 1], [1, 2]]),
+        (Simplex(2), [[0.25, 0.75], [100.0, 0.0], [np.nan, -1.0]], [[0.25, 0.75], [1, 0], [0, 1]]),
+        (
+            Simplex(3, PADDED),
+            [[0, 0, 1.0], [np.nan] * 3, [-np.inf, 0, np.inf]],
+            [[1, 0, 0]] * 2 + [[0, 1, 0]],
+        ),
+        (
+            Box(-1, 2, (3,), PADDED),
+            [[-9.0, np.nan, 4.0], [np.inf, 1.0, 0]],
+            [[-1, 0, 0], [2, 1, 0]],
+        ),
+    ],
+)
+def test_what_is_out_of_a_space_is_taken_for_a_value_in_it(space, given, taken):
+    found = space.nearest(jnp.asarray(given))
+    np.testing.assert_array_equal(found, taken)
+    assert space.contains(found).all()

@@ -77,18 +77,16 @@ def compare(population, plain):
         np.testing.assert_allclose(population.fitness[run], fitness, rtol=1e-5, atol=1e-6)
 
 
-def evolved(function, generations, genes=LIMITED, size=SIZE, runs=RUNS, chunk=None):
+def evolved(function, generations, genes=LIMITED, size=SIZE, runs=RUNS):
     evolution = learner(function, genes, size)
     keys = trial_keys(2, "evolution", runs)
     population, _ = eqx.filter_jit(evolution.init)(keys)
     metrics = []
-    chunk = chunk or generations
     population = train(
         evolution,
         keys,
         population,
         generations,
-        chunk=chunk,
         after_chunk=lambda done, learned, found: metrics.append(found),
     )
     return population, {name: np.concatenate([m[name] for m in metrics]) for name in metrics[0]}
@@ -128,7 +126,7 @@ def test_newcomers_climb_out_of_a_trap_where_the_old_alone_do_not():
         age=jnp.zeros((20, 4), int),
         fitness=jnp.full((20, 4), 0.7),
     )
-    end = train(small, keys, start, 60, chunk=60, after_chunk=lambda *_: None)
+    end = train(small, keys, start, 60, after_chunk=lambda *_: None)
     assert (best(end)[1] == 1.0).mean() > 0.9
 
 

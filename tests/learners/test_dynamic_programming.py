@@ -126,9 +126,8 @@ def test_exploring_costs_value_in_every_state_but_the_last():
 def test_monte_carlo_control_agrees_with_value_iteration():
     process, explore = chain(0.8), 0.2
     learner = MonteCarloControl(process, epsilon=Constant(explore), discount=DISCOUNT)
-    learned = train(
-        learner, jax.random.key(3), learner.init(), 4000, chunk=2000, after_chunk=lambda *_: None
-    )
+    key = jax.random.key(3)
+    learned = train(learner, key, learner.init(), 4000, after_chunk=lambda *_: None)
     reference = solve(process, DISCOUNT, epsilon=explore)
     value = learned.value["agent"][0]
     np.testing.assert_allclose(value[:3], reference.action_value[:3], atol=0.03)

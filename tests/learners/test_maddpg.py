@@ -11,6 +11,7 @@ from jax import Array
 from tests.learners.toys import Duet, Recital
 
 from ethogram.core.errors import EthogramError, InvalidSettings, TooLarge, UnknownName
+from ethogram.core.memory import readable_bytes
 from ethogram.core.rollout import rollout
 from ethogram.core.settings import settings_of
 from ethogram.core.spaces import Box, Discrete
@@ -198,7 +199,11 @@ def test_a_memory_that_does_not_fit_is_refused_with_its_size(monkeypatch):
     # a tune, two actions and the key of chance, in words of 4 bytes
     assert learner.replay_bytes == (1 + 2 + 2) * 4 * 1_000_000
     monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: 10_000_000)
-    refusal = r"A replay memory of 1,000,000 transitions needs 20 MB of memory; 10 MB are free\."
+    networks = readable_bytes(learner.network_bytes)
+    refusal = (
+        rf"MADDPG with {networks} of networks and a replay memory of 1,000,000 transitions "
+        r"\(20 MB\) needs 20.* MB of memory; 10 MB are free\."
+    )
     with pytest.raises(TooLarge, match=refusal):
         learner.init(jax.random.key(0))
 

@@ -8,7 +8,7 @@ from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.maddpg import MADDPG, Playing
 from ethogram.learners.train import Diverged, train
 
-CHUNK, UPDATES = 300, 1200
+FEW, UPDATES = 300, 1200
 
 
 def duet(pay=1.0):
@@ -27,7 +27,7 @@ def duet(pay=1.0):
 
 def trained(learner, seed, updates=UPDATES, after_chunk=lambda *_: None):
     learned, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
-    return train(learner, key, learned, updates, chunk=CHUNK, after_chunk=after_chunk)
+    return train(learner, key, learned, updates, after_chunk=after_chunk)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -36,7 +36,7 @@ def test_two_agents_learn_to_play_together(seed):
 
     def watch(done, learned, metrics):
         del done, learned  # only what is earned counts
-        earned.append(metrics["reward"]["singer"][-50:].mean())
+        earned.extend(metrics["reward"]["singer"])
 
     learner = duet()
     policy = learner.policy(trained(learner, seed, after_chunk=watch), noise=False)
@@ -44,7 +44,7 @@ def test_two_agents_learn_to_play_together(seed):
         heard = {"singer": jnp.array([tune]), "pianist": jnp.array([tune])}
         action = policy(jax.random.key(0), heard)
         assert action["singer"] == action["pianist"] == tune
-    assert earned[-1] > 0.95  # by chance 1/9, at best 1; 800 episodes with noise
+    assert np.mean(earned[-50:]) > 0.95  # by chance 1/9, at best 1; 800 episodes with noise
 
 
 def test_a_run_taken_up_at_a_checkpoint_ends_with_the_same_agents_bit_for_bit():
@@ -57,22 +57,22 @@ def test_a_run_taken_up_at_a_checkpoint_ends_with_the_same_agents_bit_for_bit():
 
     whole = trained(learner, 0, after_chunk=keep)
     stranger = learner.init(jax.random.key(9))
-    half = from_arrays(stranger, kept[UPDATES // 2])
+    at = sorted(kept)[len(kept) // 2]
+    half = from_arrays(stranger, kept[at])
     rest = train(
         learner,
         jax.random.key(100),
         half,
         UPDATES,
-        chunk=CHUNK,
         after_chunk=lambda *_: None,
-        start=UPDATES // 2,
+        start=at,
     )
     jax.tree.map(np.testing.assert_array_equal, rest, whole)
 
 
 def test_the_same_keys_give_the_same_agents_and_others_give_others():
     learner = duet()
-    one, same, other = (trained(learner, seed, updates=CHUNK).agents for seed in (0, 0, 1))
+    one, same, other = (trained(learner, seed, updates=FEW).agents for seed in (0, 0, 1))
     jax.tree.map(np.testing.assert_array_equal, one, same)
     assert (one["singer"][0].actor.weights[0] != other["singer"][0].actor.weights[0]).any()
 
@@ -117,7 +117,7 @@ def last_return(world, seed):
 
     learned, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
     first = learner.first_plays
-    learned = train(Playing(learner), key, learned, first, chunk=first, after_chunk=keep)
+    learned = train(Playing(learner), key, learned, first, after_chunk=keep)
     end = first + rounds
-    train(learner, key, learned, end, chunk=1000, after_chunk=keep, start=first)
+    train(learner, key, learned, end, after_chunk=keep, start=first)
     return np.concatenate(returns)[-2000:].mean()

@@ -48,7 +48,6 @@ def test_it_reaches_the_optimum_that_value_iteration_finds():
         trial_keys(0, "chain", 50),
         learner.init(),
         2000,
-        chunk=2000,
         after_chunk=ignore,
     )
     table = learned.table["agent"].reshape(50, 4, 2)[:, :3].mean(0)
@@ -63,7 +62,7 @@ def test_tables_are_those_of_agents_that_keep_dictionaries(terminal):
     trials, episodes, explore = 2, 3, 0.5
     learner = QLearning(world, Constant(explore), rate=0.1, discount=0.9, trials=trials)
     keys = trial_keys(1, "oracle", trials)
-    learned = train(learner, keys, learner.init(), episodes, chunk=2, after_chunk=ignore)
+    learned = train(learner, keys, learner.init(), episodes, after_chunk=ignore)
     table = np.asarray(learned.table["agent"]).reshape(trials, world.agents, world.rows, 4)
     for trial in range(trials):
         agents, rows = _replay(world, keys[trial], episodes, explore)
@@ -108,9 +107,9 @@ def _replay(world, key, episodes, explore):
 def test_an_interrupted_training_goes_on_to_the_same_tables():
     learner = QLearning(Sharing(**SMALL), trials=2)
     keys = trial_keys(0, "resume", 2)
-    whole = train(learner, keys, learner.init(), 6, chunk=2, after_chunk=ignore)
-    half = train(learner, keys, learner.init(), 4, chunk=2, after_chunk=ignore)
-    rest = train(learner, keys, half, 6, chunk=2, after_chunk=ignore, start=4)
+    whole = train(learner, keys, learner.init(), 6, after_chunk=ignore)
+    half = train(learner, keys, learner.init(), 4, after_chunk=ignore)
+    rest = train(learner, keys, half, 6, after_chunk=ignore, start=4)
     jax.tree.map(np.testing.assert_array_equal, whole, rest)
 
 
@@ -123,8 +122,8 @@ def test_metrics_are_the_returns_of_each_trial_and_agent():
         seen.append((done, metrics["return"]["agent"]))
 
     keys = trial_keys(0, "metrics", 2)
-    train(learner, keys, learner.init(), 3, chunk=2, after_chunk=watch)
-    assert [(done, returns.shape) for done, returns in seen] == [(2, (2, 2, 3)), (3, (1, 2, 3))]
+    train(learner, keys, learner.init(), 3, after_chunk=watch, seconds=0)
+    assert [(done, returns.shape) for done, returns in seen] == [(n, (1, 2, 3)) for n in (1, 2, 3)]
     assert all((returns > 0).all() and (returns <= 19).all() for _, returns in seen)
 
 
@@ -160,7 +159,7 @@ def test_a_shared_table_moves_as_by_one_update_after_the_other():
     world, rate = Choir(), 0.1
     learner = QLearning(world, Constant(1.0), rate=rate, trials=40, shared=True)
     keys = trial_keys(0, "choir", 40)
-    learned = train(learner, keys, learner.init(), 1, chunk=1, after_chunk=ignore)
+    learned = train(learner, keys, learner.init(), 1, after_chunk=ignore)
     table = np.asarray(learned.table["singer"]).reshape(40, 2, 2)
     pay = np.asarray(world.pay)
     seen = set()

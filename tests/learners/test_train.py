@@ -3,10 +3,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from ethogram.learners.train import Diverged, even_chunk, train
+from ethogram.learners import train as training
+from ethogram.learners.train import Diverged, train
 
 
 class Breaking(eqx.Module):
@@ -45,14 +44,14 @@ def never():
 def run(learner):
     watched = Watched()
     with pytest.raises(Diverged) as stopped:
-        train(learner, jax.random.key(0), jnp.int32(0), 10, chunk=4, after_chunk=watched)
+        train(learner, jax.random.key(0), jnp.int32(0), 12, after_chunk=watched, seconds=jnp.inf)
     return str(stopped.value), watched
 
 
 def test_a_loss_that_is_not_finite_stops_the_run_and_names_agent_and_update():
     message, watched = run(Breaking(critic=jnp.array([-1, 6]), actor=never()))
-    assert message == ("critic_loss.mover[1] is not finite at update 6; after 4 updates all was.")
-    assert (watched.done, watched.learned) == ([4], [4])  # nobody is handed the broken state
+    assert message == ("critic_loss.mover[1] is not finite at update 6; after 1 updates all was.")
+    assert (watched.done, watched.learned) == ([1], [1])  # nobody is handed the broken state
 
 
 def test_of_what_breaks_the_first_in_time_is_named():
@@ -79,8 +78,8 @@ def test_a_state_that_breaks_in_its_last_step_is_handed_to_nobody():
             jax.random.key(0),
             {"weights": [jnp.float32(1)]},
             4,
-            chunk=1,
             after_chunk=lambda done, *_: watched.append(done),
+            seconds=0,
         )
     assert watched == [1]
 
@@ -90,27 +89,110 @@ def test_every_update_gets_a_key_of_its_own_number_however_the_chunks_fall():
         def update(self, key, learned):
             return learned, {"key": jax.random.key_data(key)}
 
-    def keys(chunk, start=0):
+    def keys(seconds, start=0):
         watched = Watched()
         key, nothing = jax.random.key(5), jnp.int32(0)
-        train(Listing(), key, nothing, 7, chunk=chunk, after_chunk=watched, start=start)
-        return np.concatenate([metrics["key"] for metrics in watched.metrics])
+        train(Listing(), key, nothing, 12, after_chunk=watched, start=start, seconds=seconds)
+        return np.concatenate([metrics["key"] for metrics in watched.metrics]), watched.done
 
-    expected = [jax.random.key_data(jax.random.fold_in(jax.random.key(5), i)) for i in range(7)]
-    np.testing.assert_array_equal(keys(chunk=7), expected)
-    np.testing.assert_array_equal(keys(chunk=3), expected)
-    np.testing.assert_array_equal(keys(chunk=3, start=3), expected[3:])
-
-
-@given(updates=st.integers(1, 5000), most=st.integers(-1, 400))
-def test_chunks_are_as_long_as_allowed_and_all_alike_if_that_costs_less_than_half(updates, most):
-    size, most = even_chunk(updates, most), max(1, min(most, updates))
-    assert 1 <= size <= most
-    even = [length for length in range(1, most + 1) if updates % length == 0 and 2 * length > most]
-    assert size == max(even, default=most)
+    expected = [jax.random.key_data(jax.random.fold_in(jax.random.key(5), i)) for i in range(12)]
+    for seconds, start, done in [
+        (0, 0, [*range(1, 13)]),
+        (jnp.inf, 0, [1, 9, 12]),
+        (jnp.inf, 3, [4, 12]),
+    ]:
+        found, ends = keys(seconds, start)
+        np.testing.assert_array_equal(found, expected[start:])
+        assert ends == done
 
 
-def test_a_prime_number_of_updates_has_a_shorter_chunk_at_its_end():
-    assert even_chunk(4999, 50) == 50
-    assert even_chunk(5000, 70) == 50
-    assert even_chunk(3, 50) == 3
+class Adding(eqx.Module):
+    """Adds up, in a memory that is large beside the rest."""
+
+    def update(self, key, learned):
+        del key
+        total = learned["total"] + 1.0
+        return {"total": total, "memory": learned["memory"].at[0].set(total)}, {"total": total}
+
+
+def nothing_added():
+    return {"total": jnp.zeros(()), "memory": jnp.zeros(1000)}
+
+
+def test_a_chunk_has_as_many_updates_as_fit_in_its_seconds(monkeypatch):
+    """On a clock by which an update takes a quarter of a second, after one to compile."""
+    now = [0.0]
+    run_chunk = training._run_chunk
+
+    def timed(fixed, learned):
+        now[0] += 0.25 * int(fixed[-1]) + (0 if now[0] else 60.0)
+        return run_chunk(fixed, learned)
+
+    monkeypatch.setattr(training, "_run_chunk", timed)
+    monkeypatch.setattr(training.time, "monotonic", lambda: now[0])
+    done = []
+    for seconds, updates in [(5.0, 70), (0.1, 3)]:
+        train(
+            Adding(),
+            jax.random.key(0),
+            nothing_added(),
+            updates,
+            after_chunk=lambda updates, *_: done.append(updates),
+            seconds=seconds,
+        )
+    assert done == [1, 2, 10, 30, 50, 70, 1, 2, 3]
+
+
+def test_metrics_never_take_more_memory_than_a_chunk_may_have(monkeypatch):
+    monkeypatch.setattr(training, "_METRICS_BYTES", 3 * 4)
+    done = []
+    train(
+        Breaking(never(), never()),
+        jax.random.key(0),
+        jnp.int32(0),
+        4,
+        after_chunk=lambda updates, _, metrics: done.append((updates, len(metrics["reward"]))),
+        seconds=jnp.inf,
+    )
+    assert done == [(1, 1), (2, 1), (3, 1), (4, 1)]  # five numbers an update: room for one
+
+
+def test_what_a_callback_keeps_stays_what_it_was():
+    kept = []
+
+    def keep(done, learned, metrics):
+        kept.append((done, learned, learned["memory"], np.asarray(learned["total"]), metrics))
+
+    key = jax.random.key(0)
+    end = train(Adding(), key, nothing_added(), 3, after_chunk=keep, seconds=0)
+    train(Adding(), key, end, 6, after_chunk=keep, start=3, seconds=0)
+    assert [done for done, *_ in kept] == [1, 2, 3, 4, 5, 6]
+    for done, learned, memory, total, metrics in kept:
+        assert learned["total"] == learned["memory"][0] == memory[0] == total == done
+        np.testing.assert_array_equal(metrics["total"], [done])
+
+
+def test_what_no_callback_keeps_is_not_copied():
+    places = []
+
+    def look(done, learned, metrics):
+        del done, metrics
+        places.append(learned["memory"].unsafe_buffer_pointer())
+
+    train(Adding(), jax.random.key(0), nothing_added(), 5, after_chunk=look, seconds=0)
+    assert len(set(places)) == 1
+
+
+def test_an_interrupt_is_heard_while_a_chunk_is_computed(monkeypatch):
+    class Computing:
+        def is_ready(self):
+            return False
+
+    def interrupted(seconds):
+        assert seconds > 0
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "_run_chunk", lambda fixed, learned: (Computing(), {}))
+    monkeypatch.setattr(training.time, "sleep", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        train(Adding(), jax.random.key(0), nothing_added(), 5, after_chunk=lambda *_: None)

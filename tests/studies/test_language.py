@@ -1,3 +1,5 @@
+from functools import partial
+
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
@@ -8,6 +10,7 @@ from tests.studies.contexts import Remembering
 from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
+from ethogram.core import specs
 from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
 from ethogram.learners.maddpg import MADDPG
@@ -31,7 +34,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_play():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "CHUNK_MULTIPLICATIONS", 0)
+        patch.setattr(compute, "train", partial(compute.train, seconds=0))
         yield
 
 
@@ -290,3 +293,26 @@ def test_two_robots_learn_a_language(plan, returns, limit, at_least):
     assert len(learned) == 5
     assert (learned > limit).sum() >= at_least
     assert (data["silenced_return"].mean("episode") < -30).all()
+
+
+def test_costs_are_computed_once_per_shape_and_nothing_is_built_for_them(monkeypatch):
+    def build(*_, **__):
+        raise AssertionError("networks are built")
+
+    monkeypatch.setattr("ethogram.learners.networks.MLP.init", build)
+    specs._spec.cache_clear()
+    found = cases("thesis", "world.robots=2", "world.targets=2,3")
+    assert len({study.cost(case).bytes for case in found}) > 2
+    shapes = {
+        (at.world.targets, at.world.allow_silence, at.talkers)
+        for at in (case.parsed(Settings) for case in found)
+    }
+    assert specs._spec.cache_info().misses <= 2 * len(shapes)
+
+
+def test_the_smallest_learner_takes_the_time_of_its_steps_and_rounds():
+    """Half a million plays of 25 steps, of four agents that learn after each, take some minutes."""
+    (case,) = cases("smoke", *ONE[:2], "trials=1", "validation_episodes=2", "episodes=2000000")
+    cost = study.cost(case)
+    assert 500_000 * 1e-3 < cost.seconds < 500_000 * 1e-2
+    assert cost.bytes > 3 * 196_000_000  # a million transitions, and a checkpoint of them

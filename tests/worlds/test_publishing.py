@@ -522,3 +522,18 @@ def test_what_does_not_fit_is_refused(monkeypatch):
 def test_counting_ranks_journals_as_sorting_does(impact, tie):
     found = ranking_of(jnp.asarray(impact), jnp.asarray(tie))
     np.testing.assert_array_equal(found, np.lexsort((tie, impact)))
+
+
+@pytest.mark.parametrize("journals", [10, 80])
+def test_impact_factors_that_are_no_numbers_rank_lowest(journals):
+    impact = jnp.arange(journals, dtype=float).at[jnp.array([3, 7])].set(jnp.nan).at[5].set(jnp.inf)
+    ranked = np.asarray(ranking_of(impact, jnp.arange(journals, dtype=jnp.uint32)))
+    assert sorted(ranked) == [*range(journals)]
+    assert set(ranked[:2]) == {3, 7}
+    assert ranked[-1] == 5
+
+
+def test_minded_authors_choose_a_journal_whatever_they_see():
+    seen = jnp.full((6, 12), jnp.nan).at[1:3].set(jnp.inf).at[3:].set(-jnp.inf)
+    chosen = Minded(15.0)(jax.random.key(0), seen)
+    assert ((chosen >= 1) & (chosen <= 10)).all()

@@ -9,7 +9,7 @@ and files; building a `Pasture` in Python checks the same bounds.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import cache
 from typing import Any, TypeVar, cast, dataclass_transform
 
@@ -82,21 +82,29 @@ def settings_of(owner: type, *, omit: tuple[str, ...] = ()) -> Any:
     return settings_class(made)
 
 
+@cache
+def _checks(owner: Any) -> list[tuple[str, "pydantic.TypeAdapter[Any]"]]:
+    """The settings that are checked when an owner is built, and what is allowed."""
+    return [
+        (field.name, pydantic.TypeAdapter(field.metadata["setting"]))
+        for field in dataclasses.fields(owner)
+        if "setting" in field.metadata and not field.metadata.get("checked by converter")
+    ]
+
+
 def check_settings(owner: Any) -> None:
     """Raise `InvalidSettings` naming every single value out of bounds; swept ones pass."""
     complaints = []
-    for field in dataclasses.fields(owner):
-        if "setting" not in field.metadata or field.metadata.get("checked by converter"):
-            continue
-        value = getattr(owner, field.name)
+    for name, allowed in _checks(cast(Hashable, type(owner))):
+        value = getattr(owner, name)
         if isinstance(value, Array):
             if isinstance(value, jax.core.Tracer) or value.ndim > 0:
                 continue
             value = value.item()
         try:
-            pydantic.TypeAdapter(field.metadata["setting"]).validate_python(value, strict=True)
+            allowed.validate_python(value, strict=True)
         except pydantic.ValidationError as error:
             reason = error.errors()[0]["msg"]
-            complaints.append(f"{field.name} = {value!r}: {reason}")
+            complaints.append(f"{name} = {value!r}: {reason}")
     if complaints:
         raise InvalidSettings(f"{type(owner).__name__}: " + "; ".join(complaints))

@@ -2,10 +2,16 @@
 
 A space may be wider than what its world uses, so that settings that change a width share one
 compiled program.  Then `used` tells which entries there are; the others are padding, always 0.
+
+Of every space, `contains` tells which values are in it, and `nearest` gives, for a value of its
+shape that is not, the one in it that a world takes it for.  Whole numbers pass for real ones, real
+numbers never for whole ones, nor do truth values.
 """
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -15,12 +21,15 @@ from ethogram.core.settings import Number
 LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
 ROUNDING = 1e-4  # by how much a sum of 32-bit weights may miss 1
 
+WHOLE, REAL = np.int32, float  # kinds of number
+
 
 @dataclass(frozen=True)
 class Discrete:
     """The integers 0 to n - 1."""
 
     n: int
+    kind: ClassVar[Any] = WHOLE
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -28,8 +37,15 @@ class Discrete:
         return ()
 
     def contains(self, value: Array) -> Array:
-        """Whether each number of an integer array is in the space."""
+        """Whether each number of an array is in the space."""
+        value = jnp.asarray(value)
+        if not is_of_kind(self, value):
+            return _none_of(self, value)
         return (value >= 0) & (value < self.n)
+
+    def nearest(self, value: Array) -> Array:
+        """A number below 0 counts as 0, one beyond the last as the last."""
+        return jnp.clip(value, 0, self.n - 1)
 
 
 @dataclass(frozen=True)
@@ -37,6 +53,7 @@ class MultiDiscrete:
     """Integer vectors; entry i is one of 0 to sizes[i] - 1."""
 
     sizes: tuple[int, ...]
+    kind: ClassVar[Any] = WHOLE
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -45,7 +62,14 @@ class MultiDiscrete:
 
     def contains(self, value: Array) -> Array:
         """Whether each vector along the last axis is in the space."""
+        value = jnp.asarray(value)
+        if not is_of_kind(self, value):
+            return _none_of(self, value)
         return ((value >= 0) & (value < jnp.asarray(np.asarray(self.sizes)))).all(-1)
+
+    def nearest(self, value: Array) -> Array:
+        """An entry below 0 counts as 0, one beyond its last as the last."""
+        return jnp.clip(value, 0, jnp.asarray(np.asarray(self.sizes) - 1))
 
 
 @dataclass(frozen=True)
@@ -53,7 +77,8 @@ class Simplex:
     """Weights of n choices: none negative, 1 together; a pure choice is a one-hot vector."""
 
     n: int
-    used: Array | None = field(default=None, compare=False)  # Bool[n]
+    used: Array | None = field(default=None, compare=False, repr=False)  # Bool[n]
+    kind: ClassVar[Any] = REAL
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -62,8 +87,19 @@ class Simplex:
 
     def contains(self, value: Array) -> Array:
         """Whether each vector along the last axis is in the space, up to rounding."""
+        value = jnp.asarray(value)
+        if not is_of_kind(self, value):
+            return _none_of(self, value)
         whole = jnp.abs(value.sum(-1) - 1) <= ROUNDING
         return (value >= 0).all(-1) & whole & _padding_is_zero(value, self.used).all(-1)
+
+    def nearest(self, value: Array) -> Array:
+        """Weights that are not in the space count as the choice of the largest one used."""
+        lowest = jnp.finfo(value.dtype).min  # type: ignore[no-untyped-call]
+        used = True if self.used is None else self.used
+        weight = jnp.where(used, jnp.where(jnp.isnan(value), lowest, value), -jnp.inf)
+        choice = jax.nn.one_hot(weight.argmax(-1), self.n, dtype=value.dtype)
+        return jnp.where(self.contains(value)[..., None], value, choice)
 
 
 @dataclass(frozen=True)
@@ -73,17 +109,39 @@ class Box:
     low: Number
     high: Number
     shape: tuple[int, ...]
-    used: Array | None = field(default=None, compare=False)  # Bool[shape]
+    used: Array | None = field(default=None, compare=False, repr=False)  # Bool[shape]
+    kind: ClassVar[Any] = REAL
 
     def contains(self, value: Array) -> Array:
         """Whether each array along the last axes is in the space."""
+        value = jnp.asarray(value)
+        if not is_of_kind(self, value):
+            return _none_of(self, value)
         axes = tuple(range(-len(self.shape), 0))
         within = (value >= self.low) & (value <= self.high)
         return (within & _padding_is_zero(value, self.used)).all(axes)
 
-
-def _padding_is_zero(value: Array, used: Array | None) -> Array:
-    return jnp.ones(value.shape, bool) if used is None else used | (value == 0)
+    def nearest(self, value: Array) -> Array:
+        """A number beyond a bound counts as the bound, and what is no number as 0 does."""
+        inside = jnp.clip(jnp.where(jnp.isnan(value), 0, value), self.low, self.high)
+        return inside if self.used is None else jnp.where(self.used, inside, 0)
 
 
 Space = Discrete | MultiDiscrete | Simplex | Box
+
+
+def is_of_kind(space: Space, value: Array) -> bool:
+    """Whether an array has a space's kind of numbers, and its shape along the last axes."""
+    is_whole = jnp.issubdtype(value.dtype, jnp.integer)
+    is_real = is_whole or jnp.issubdtype(value.dtype, jnp.floating)
+    fits = value.shape[value.ndim - min(value.ndim, len(space.shape)) :] == space.shape
+    return fits and (is_whole if space.kind is WHOLE else is_real)
+
+
+def _none_of(space: Space, value: Array) -> Array:
+    """That nothing in an array is in a space, for as many values as it would hold."""
+    return jnp.zeros(value.shape[: max(0, value.ndim - len(space.shape))], bool)
+
+
+def _padding_is_zero(value: Array, used: Array | None) -> Array:
+    return jnp.ones(value.shape, bool) if used is None else used | (value == 0)

@@ -12,7 +12,9 @@ import equinox as eqx
 from jax import Array
 from jaxtyping import Bool, Key, PyTree
 
+from ethogram.core.actions import admitting, formed, require_inside
 from ethogram.core.errors import EthogramError
+from ethogram.core.module import Module
 from ethogram.core.scene import Scene
 from ethogram.core.settings import check_settings
 from ethogram.core.spaces import Space
@@ -63,11 +65,31 @@ class Transition(eqx.Module):
     last: Bool[Array, ""]  # whether the episode ended with this step
 
 
-class World(eqx.Module):
+class World(Module):
     """A world: settings as fields, dynamics as pure functions of explicit state and key.
 
-    Numeric settings may be arrays, so that a sweep is a `vmap`; sizes are static.
+    Numeric settings may be arrays, so that a sweep is a `vmap`; sizes are static.  `jax.jit` takes
+    `world.step` and `world.reset` as they are; the settings are then constants of the program.
+    `eqx.filter_jit` takes functions of a world, whose numeric settings may change without another
+    program.
+
+    Every `step` sees actions of the right form only: an array per role, of its shape and kind of
+    number, is asked for when the step is traced, which costs nothing in a compiled program.  Values
+    out of a space are taken for others in it (`nearest`, of each space), so that none can spoil a
+    state.  `check` refuses them, and so does every step of `ethogram.core.checked.Checked(world)`.
     """
+
+    def __init_subclass__(cls, *, any_action: bool = False, **further: Any) -> None:
+        """Let the step that a world defines see actions of the right form only.
+
+        Args:
+            any_action: the step sees to it itself.
+            further: of the classes above.
+
+        """
+        super().__init_subclass__(**further)
+        if "step" in vars(cls) and not any_action:
+            cls.step = admitting(vars(cls)["step"])  # type: ignore[method-assign]
 
     def __check_init__(self) -> None:
         """Refuse settings out of range, naming each (see `ethogram.core.settings`)."""
@@ -93,7 +115,23 @@ class World(eqx.Module):
 
     @abstractmethod
     def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
-        """Apply one action per agent."""
+        """Apply one action per agent.
+
+        Raises:
+            InvalidAction: a role, a shape or a kind of number is not that of `roles`.
+
+        """
+
+    def check(self, action: PerRole) -> PerRole:
+        """The action as arrays, if all of it is in the spaces of `roles`.
+
+        Raises:
+            InvalidAction: it is not; the message names role, agent and value.  Inside `jit`, where
+                values are not known, it names the role, and the program raises it as it runs.
+
+        """
+        name, roles = type(self).__name__, self.roles
+        return require_inside(name, roles, formed(name, roles, action))
 
     def scene(self, trajectory: Transition) -> Scene:
         """What the first episode of a rollout looked like, as plain data.

@@ -55,3 +55,8 @@ class Agent(eqx.Module):
             target_critic = MLP.init(keys[3], judged, hidden, value)
         moments = no_moments(actor), no_moments(critic)
         return cls(actor, critic, target_actor, target_critic, *moments)
+
+
+def agent_bytes(actor: int, critic: int) -> int:
+    """Memory of an agent whose networks have so many numbers: each, its target, two moments."""
+    return 4 * 4 * (actor + critic)

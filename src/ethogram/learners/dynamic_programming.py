@@ -18,6 +18,7 @@ eq. 1.8 prints it without.  The averages are of every visit (the thesis leaves o
 over all episodes from the first, in which the policy was worse.
 """
 
+from math import prod
 from typing import Annotated
 
 import equinox as eqx
@@ -28,6 +29,8 @@ from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import EthogramError, InvalidSettings
+from ethogram.core.memory import require_memory
+from ethogram.core.module import Module
 from ethogram.core.rollout import Policy, rollout
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Discrete
@@ -179,7 +182,7 @@ class Averages(eqx.Module):
     episode: Int[Array, ""]
 
 
-class MonteCarloControl(eqx.Module):
+class MonteCarloControl(Module):
     """On-policy, every-visit Monte Carlo control, in a world given by the caller.
 
     Every agent of every role learns alone.  An episode that is cut by a time limit counts as
@@ -195,8 +198,10 @@ class MonteCarloControl(eqx.Module):
 
         Raises:
             EthogramError: a role's observations or actions are not `Discrete`.
+            TooLarge: the tables would not fit in memory; the message names the size.
 
         """
+        require_memory("Monte Carlo control", 2 * table_bytes(self.world))
         return Averages(blank_tables(self.world), blank_tables(self.world), jnp.int32(0))
 
     def update(
@@ -253,12 +258,21 @@ def discounted_returns(
 
 def blank_tables(world: World) -> PerRole:
     """Zeros for every agent, observation and action of a world whose spaces are `Discrete`."""
-    tables = {}
+    return {role: jnp.zeros(shape) for role, shape in _table_shapes(world).items()}
+
+
+def table_bytes(world: World) -> int:
+    """Memory that `blank_tables` needs."""
+    return sum(4 * prod(shape) for shape in _table_shapes(world).values())
+
+
+def _table_shapes(world: World) -> dict[str, tuple[int, int, int]]:
+    shapes = {}
     for role, played in world.roles.items():
         if not (isinstance(played.observation, Discrete) and isinstance(played.action, Discrete)):
             raise EthogramError(
                 f"Monte Carlo control needs discrete spaces: {role!r} of {type(world).__name__} "
                 f"observes {played.observation} and acts in {played.action}."
             )
-        tables[role] = jnp.zeros((played.agents, played.observation.n, played.action.n))
-    return tables
+        shapes[role] = played.agents, played.observation.n, played.action.n
+    return shapes

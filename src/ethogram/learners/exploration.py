@@ -10,10 +10,12 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key, UInt32
 from pydantic import Field
 
+from ethogram.core.module import Module
 from ethogram.core.settings import Number, setting
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 
+_FURTHEST = 1e30  # a logit that can still be divided by a temperature
 HALF = 16  # bits of a random word that decide whether to explore; the others choose
 
 
@@ -24,12 +26,14 @@ def epsilon_greedy(
 ) -> Int[Array, "agent"]:
     """Explore with chance epsilon, else take an action of the highest value; ties at random.
 
+    Where a value is no number none is the highest, and any action is taken.
+
     One random word per agent does both: its upper half decides whether to explore (so that
     chances are multiples of 2^-16), its lower half picks one of the candidates.
     """
     threshold = jnp.round(jnp.asarray(epsilon) * 2**HALF).astype(jnp.uint32)
     exploring = (bits >> HALF) < threshold
-    candidate = exploring | (values == values.max(0))
+    candidate = exploring | ~(values < values.max(0))
     position = jnp.cumsum(candidate.astype(jnp.uint32), 0)
     pick = ((bits & (2**HALF - 1)) * position[-1]) >> HALF
     return (position <= pick).sum(0).astype(jnp.int32)
@@ -46,6 +50,7 @@ def gumbel_softmax(
 
     softmax((logits + g) / temperature) with g of the standard Gumbel distribution (Jang et al.,
     ICLR 2017; Maddison et al., ICLR 2017), differentiable in the logits; without a key, g = 0.
+    They are weights whatever the logits (see `within_reach`).
 
     Args:
         key: consumed.
@@ -55,6 +60,7 @@ def gumbel_softmax(
             weights that it would have had.
 
     """
+    logits = within_reach(logits, _FURTHEST)
     if key is not None:
         logits = logits + jax.random.gumbel(key, logits.shape)
     weights = jax.nn.softmax(logits / temperature)
@@ -64,7 +70,17 @@ def gumbel_softmax(
     return weights + lax.stop_gradient(heaviest - weights)
 
 
-class Schedule(eqx.Module):
+def within_reach(
+    logits: Float[Array, "*batch choice"], reach: float
+) -> Float[Array, "*batch choice"]:
+    """Logits as they are; what is no number counts as 0, and none is further from 0 than `reach`.
+
+    They diverge where a learner does, which still has to act until it is stopped.
+    """
+    return jnp.clip(jnp.where(jnp.isnan(logits), 0.0, logits), -reach, reach)
+
+
+class Schedule(Module):
     """A value for each update of a learner, counted from 0 (for Q-learning, each episode)."""
 
     @abstractmethod

@@ -3,14 +3,14 @@
 Roles come in alphabetical order, as trees of arrays keep them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
 from ethogram.core.world import PerRole, Role
-from ethogram.learners.networks import features, used_features
+from ethogram.learners.networks import MLP, feature_count, features, used_features
 
 Roles = Mapping[str, Role]
 
@@ -39,13 +39,28 @@ def joint_used(roles: Roles) -> Bool[Array, "input"]:
     return jnp.concatenate([jnp.tile(used_features(space), agents) for space, agents in spaces])
 
 
+def joint_count(roles: Roles) -> int:
+    """How many entries `joint` has."""
+    return sum(
+        role.agents * (feature_count(role.observation) + feature_count(role.action))
+        for role in roles.values()
+    )
+
+
+def network_sizes(roles: Roles, role: str, hidden: Sequence[int]) -> tuple[int, int]:
+    """How many numbers an actor of a role has, and its critic, with these hidden layers."""
+    own = roles[role]
+    actor = MLP.numbers(feature_count(own.observation), hidden, feature_count(own.action))
+    return actor, MLP.numbers(joint_count(roles), hidden, 1)
+
+
 def own_action(roles: Roles, role: str, agent: int) -> slice:
     """Where an agent's action stands in `joint`."""
-    before = sum(each.agents * used_features(each.observation).size for each in roles.values())
+    before = sum(each.agents * feature_count(each.observation) for each in roles.values())
     before += sum(
-        roles[name].agents * used_features(roles[name].action).size
+        roles[name].agents * feature_count(roles[name].action)
         for name in sorted(roles)
         if name < role
     )
-    width = used_features(roles[role].action).size
+    width = feature_count(roles[role].action)
     return slice(before + agent * width, before + (agent + 1) * width)

@@ -49,14 +49,16 @@ from jaxtyping import Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
-from ethogram.core.memory import require_memory
+from ethogram.core.memory import readable_bytes, require_memory
+from ethogram.core.module import Module
 from ethogram.core.rollout import rollout
 from ethogram.core.settings import Number, check_settings, setting
 from ethogram.core.spaces import Box, Discrete, Simplex
+from ethogram.core.specs import array_spec, key_spec, role_specs, state_spec
 from ethogram.core.world import PerRole, World
-from ethogram.learners.actor_critic import Agent
-from ethogram.learners.exploration import Linear, gumbel_softmax
-from ethogram.learners.joint import done, joint, joint_used, own_action, seen
+from ethogram.learners.actor_critic import Agent, agent_bytes
+from ethogram.learners.exploration import Linear, gumbel_softmax, within_reach
+from ethogram.learners.joint import done, joint, joint_used, network_sizes, own_action, seen
 from ethogram.learners.networks import MLP, features, used_features
 from ethogram.learners.optimisation import descend
 from ethogram.learners.replay import Layout, Replay
@@ -65,7 +67,8 @@ from ethogram.learners.returns import one_step
 Script = Callable[[Key[Array, ""], Array], Array]  # (key, a role's observations) -> its actions
 Positive = Annotated[float, Field(gt=0)]
 
-OUT_OF_REACH = -1e9  # a logit that no noise lifts
+OUT_OF_REACH = -1e9  # a logit that no noise lifts, of a choice that there is not
+REACH = 1e8  # of those of choices that there are
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -103,7 +106,7 @@ class Batch(eqx.Module):
     target_action: PerRole  # what the target actors would do there
 
 
-class MADDPG(eqx.Module):
+class MADDPG(Module):
     """MADDPG in a world given by the caller, whose roles choose among `Discrete` or `Simplex`.
 
     `init(key) -> learned`; `update(key, learned) -> (learned, metrics)` plays some episodes and
@@ -147,12 +150,13 @@ class MADDPG(eqx.Module):
                 f"MADDPG: memory = {self.memory} has no room for the {played} transitions of "
                 f"episodes = {self.episodes} of {self.world.horizon} steps."
             )
+        roles = role_specs(self.world)
         for name in self.scripted:
-            if name not in self.world.roles:
-                raise UnknownName("role", name, self.world.roles)
-        for name in self.learning:
-            space = self.world.roles[name].action
-            if not isinstance(space, Discrete | Simplex):
+            if name not in roles:
+                raise UnknownName("role", name, roles)
+        for name, role in roles.items():
+            space = role.action
+            if name not in self.scripted and not isinstance(space, Discrete | Simplex):
                 raise EthogramError(
                     f"MADDPG needs actions that are Discrete or Simplex; those of {name!r} are "
                     f"{type(space).__name__}."
@@ -161,7 +165,7 @@ class MADDPG(eqx.Module):
     @property
     def learning(self) -> tuple[str, ...]:
         """The roles that learn."""
-        return tuple(role for role in self.world.roles if role not in self.scripted)
+        return tuple(role for role in role_specs(self.world) if role not in self.scripted)
 
     @property
     def first_plays(self) -> int:
@@ -173,14 +177,28 @@ class MADDPG(eqx.Module):
         """Memory that the transitions kept need."""
         return 4 * self._layout.words * self.memory
 
+    @property
+    def network_bytes(self) -> int:
+        """Memory that the agents need: all networks, their targets, and what Adam remembers."""
+        roles, hidden = role_specs(self.world), (self.hidden, self.hidden)
+        return sum(
+            roles[name].agents * agent_bytes(*network_sizes(roles, name, hidden))
+            for name in self.learning
+        )
+
     def init(self, key: Key[Array, ""]) -> Learned:
         """New agents, and an empty memory.
 
         Raises:
-            TooLarge: the memory for transitions would not fit; the message names the size.
+            TooLarge: networks and memory for transitions would not fit; the message names the
+                sizes.
 
         """
-        require_memory(f"A replay memory of {self.memory:,} transitions", self.replay_bytes)
+        require_memory(
+            f"MADDPG with {readable_bytes(self.network_bytes)} of networks and a replay memory of "
+            f"{self.memory:,} transitions ({readable_bytes(self.replay_bytes)})",
+            self.network_bytes + self.replay_bytes,
+        )
         replay = Replay.empty(self._layout, self.memory)
         return Learned(self.new_agents(key), replay, jnp.int32(0))
 
@@ -268,15 +286,11 @@ class MADDPG(eqx.Module):
     @property
     def _layout(self) -> Layout[Any]:
         """What is kept of a transition: the state left, the action, the key of chance."""
-
-        def kept(key: Key[Array, ""]) -> tuple[Any, PerRole, Key[Array, ""]]:
-            action = {}
-            for name, role in self.world.roles.items():
-                kind = jnp.float32 if isinstance(role.action, Simplex | Box) else jnp.int32
-                action[name] = jnp.zeros((role.agents, *role.action.shape), kind)
-            return self.world.reset(key)[0], action, key
-
-        return Layout(jax.eval_shape(kept, jax.random.key(0)))
+        action = {}
+        for name, role in role_specs(self.world).items():
+            kind = jnp.float32 if isinstance(role.action, Simplex | Box) else jnp.int32
+            action[name] = array_spec((role.agents, *role.action.shape), kind)
+        return Layout((state_spec(self.world), action, key_spec()))
 
     def _new_agent(self, role: str, key: Key[Array, ""]) -> Agent:
         roles = self.world.roles
@@ -308,6 +322,8 @@ class MADDPG(eqx.Module):
     ) -> Float[Array, "*batch choice"]:
         discrete = isinstance(self.world.roles[role].action, Discrete)
         hard = self.straight_through or discrete
+        used = used_features(self.world.roles[role].action)
+        logits = jnp.where(used, within_reach(logits, REACH), OUT_OF_REACH)
         return gumbel_softmax(key, logits, temperature, straight_through=hard)
 
     def _learn(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
@@ -406,7 +422,7 @@ class MADDPG(eqx.Module):
         ), {"critic_loss": lost, "actor_loss": actor_lost}
 
 
-class Playing(eqx.Module):
+class Playing(Module):
     """The learner at the beginning of a run: it plays, remembers, and learns nothing yet."""
 
     learner: MADDPG

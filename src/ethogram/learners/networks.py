@@ -6,6 +6,8 @@ feeds zeros in and takes nothing out, so a padded network learns like one withou
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
+from math import prod
 
 import equinox as eqx
 import jax
@@ -49,6 +51,12 @@ class MLP(eqx.Module):
             biases.append(jnp.zeros(after.size))
         return cls(tuple(weights), tuple(biases))
 
+    @staticmethod
+    def numbers(inputs: int, hidden: Sequence[int], outputs: int) -> int:
+        """How many weights and biases a network of these widths has."""
+        ends = (inputs, *hidden, outputs)
+        return sum((before + 1) * after for before, after in pairwise(ends))
+
     def __call__(self, x: Float[Array, "*batch in"]) -> Float[Array, "*batch out"]:
         """Feed a batch through."""
         return self.from_first(x @ self.weights[0])
@@ -71,6 +79,17 @@ def features(space: Space, value: Array) -> Float[Array, "*batch feature"]:
             return jnp.concatenate(parts, -1)
         case Simplex() | Box():
             return value.reshape(*value.shape[: value.ndim - len(space.shape)], -1)
+
+
+def feature_count(space: Space) -> int:
+    """How many numbers `features` makes of a value."""
+    match space:
+        case Discrete(n):
+            return n
+        case MultiDiscrete(sizes):
+            return sum(sizes)
+        case Simplex() | Box():
+            return prod(space.shape)
 
 
 def used_features(space: Space) -> Bool[Array, "feature"]:

@@ -33,6 +33,7 @@ from pydantic import Field
 from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in
 from ethogram.core.memory import readable_bytes, readable_count, require_memory
+from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
@@ -59,7 +60,7 @@ class _Step(eqx.Module):
     return_: PerRole  # Float[trials, agents]: reward so far
 
 
-class QLearning(eqx.Module):
+class QLearning(Module):
     """Tabular Q-learners, independent of each other, in a world given by the caller.
 
     `init() -> learned`, `update(keys, learned) -> (learned, metrics)` plays and learns from one

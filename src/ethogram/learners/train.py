@@ -1,11 +1,15 @@
 """The one training loop: chunks of updates under `jit`, and a callback between them.
 
 A learner has `update(key, learned) -> (learned, metrics)`.  Update number i gets the key
-`fold_in(key, i)`, so that a run that is stopped between chunks and taken up again goes on with
-the numbers it would have had.
+`fold_in(key, i)`, and every chunk, however long, is the same compiled program.  So how many updates
+a chunk has changes no number: it is chosen by the time that the last one took, and a run that is
+stopped between chunks and taken up again goes on with the numbers it would have had.
 """
 
+import time
+import weakref
 from collections.abc import Callable
+from math import prod
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import equinox as eqx
@@ -20,6 +24,12 @@ from ethogram.core.keys import fold_in
 
 Metrics: TypeAlias = Any  # a tree; every array has the chunk's updates as its leading axis
 AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, learned, metrics)
+
+CHUNK_SECONDS = 1.0  # of a chunk, unless a single update takes longer
+_GROWTH = 8  # how many times as long as the one before a chunk may be
+_MOST_UPDATES = 1000  # of a chunk,
+_METRICS_BYTES = 16_000_000  # and what their metrics may take
+_LOOK_SECONDS = 0.02  # at most, between two looks at whether a chunk is done
 
 
 class Diverged(EthogramError):
@@ -40,9 +50,9 @@ def train(
     learned: Any,
     updates: int,
     *,
-    chunk: int,
     after_chunk: AfterChunk,
     start: int = 0,
+    seconds: float = CHUNK_SECONDS,
 ) -> Any:
     """Update `learned` until `updates` updates are done.
 
@@ -51,40 +61,106 @@ def train(
         key: one key, or one per trial if the learner's `update` takes that.
         learned: the learner's state after `start` updates; it is donated, do not use it again.
         updates: the number of the last update.
-        chunk: updates between two callbacks; part of what fixes the numbers bit for bit.
-        after_chunk: called with the number of updates done, the state (to be read at once: it
-            is donated to the next chunk) and the chunk's metrics.
-        start: how many updates `learned` has behind it: those of an earlier stage of the run, and
-            whole chunks of this one.
+        after_chunk: called with the number of updates done, the state and the chunk's metrics.
+            It may keep all of them; of a state that it keeps, the next chunk works on a copy.
+        start: how many updates `learned` has behind it, those of an earlier stage of the run among
+            them.
+        seconds: about how long a chunk takes; it has one update at least.  0 calls `after_chunk`
+            after every update.
 
     Raises:
         Diverged: some metric, or a number of the state, is not finite; the state before the chunk
             was the last sound one.
 
     """
-    for first in range(start, updates, chunk):
-        length = min(chunk, updates - first)
-        learned, metrics = _run_chunk((learner, key, jnp.int32(first), length), learned)
-        metrics = jax.tree.map(np.asarray, metrics)
-        _require_finite(metrics, first)
-        _require_sound(learned, first)
-        after_chunk(first + length, learned, metrics)
+    length, done = 1, start
+    while done < updates:
+        length = min(length, updates - done)
+        began = time.monotonic()
+        learned, metrics = _run_chunk((learner, key, jnp.int32(done), jnp.int32(length)), learned)
+        _wait_for(metrics, learned)
+        metrics = jax.tree.map(lambda kept, length=length: np.array(kept[:length]), metrics)
+        took = time.monotonic() - began
+        _require_finite(metrics, done)
+        _require_sound(learned, done)
+        done += length
+        learned = _hand_out(after_chunk, done, learned, metrics)
+        length = _next_length(length, seconds, took, _room(metrics))
     return learned
 
 
+def _next_length(length: int, seconds: float, took: float, room: int) -> int:
+    """How many updates to make a chunk of, after one of some length that took some time."""
+    share = min(seconds / max(took, 1e-9), _GROWTH)
+    return max(1, min(int(length * share), room))
+
+
 def _updates(
-    fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], int], learned: Any
+    fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], Int[Array, ""]], learned: Any
 ) -> tuple[Any, Any]:
-    """A chunk of updates: the state after, and every update's metrics."""
+    """A chunk of updates: the state after, and every update's metrics, with room for more."""
     learner, key, first, length = fixed
 
-    def update(learned: Any, number: Int[Array, ""]) -> tuple[Any, Any]:
+    @jax.jit
+    def update(number: Int[Array, ""], learned: Any) -> tuple[Any, Any]:
         return learner.update(fold_in(key, number), learned)
 
-    return lax.scan(update, learned, first + jnp.arange(length))
+    _, one = jax.eval_shape(update, first, learned)
+    room = _room(jax.tree.map(lambda metric: np.empty((1, *metric.shape), metric.dtype), one))
+    kept = jax.tree.map(lambda metric: jnp.zeros((room, *metric.shape), metric.dtype), one)
+
+    def advance(place: Int[Array, ""], at: tuple[Any, Any]) -> tuple[Any, Any]:
+        learned, metrics = update(first + place, at[0])
+        return learned, jax.tree.map(
+            lambda all_, now: lax.dynamic_update_index_in_dim(all_, now, place, 0), at[1], metrics
+        )
+
+    return lax.fori_loop(0, length, advance, (learned, kept))
 
 
 _run_chunk = eqx.filter_jit(_updates, donate="all-except-first")
+
+
+def _room(metrics: Metrics) -> int:
+    """For how many updates' metrics there is room in a chunk."""
+    bytes_ = sum(prod(kept.shape[1:]) * kept.dtype.itemsize for kept in jax.tree.leaves(metrics))
+    return max(1, min(_MOST_UPDATES, _METRICS_BYTES // max(bytes_, 1)))
+
+
+def _wait_for(*results: Any) -> None:
+    """Wait in Python, where Ctrl-C is heard, until a program has ended."""
+    computed = [leaf for leaf in jax.tree.leaves(results) if hasattr(leaf, "is_ready")]
+    pause = _LOOK_SECONDS / 64
+    while not all(leaf.is_ready() for leaf in computed):
+        time.sleep(pause)
+        pause = min(2 * pause, _LOOK_SECONDS)
+
+
+def _hand_out(after_chunk: AfterChunk, done: int, learned: Any, metrics: Metrics) -> Any:
+    """Call back; returns the state to go on with, which shares nothing with what was kept.
+
+    The callback gets other names for the same memory.  What it kept of them is still alive when it
+    has returned; that, and only that, is copied, since the next chunk overwrites its state.
+    """
+    mine, structure = jax.tree.flatten(learned)
+    shown = [_alias(leaf) for leaf in mine]
+    names = [weakref.ref(leaf) if isinstance(leaf, jax.Array) else None for leaf in shown]
+    handed = [jax.tree.unflatten(structure, shown)]
+    shown.clear()
+    after_chunk(done, handed.pop(), metrics)
+    kept = [name is not None and name() is not None for name in names]
+    after = [jnp.copy(leaf) if is_kept else leaf for leaf, is_kept in zip(mine, kept, strict=True)]
+    return jax.tree.unflatten(structure, after)
+
+
+def _alias(leaf: Any) -> Any:
+    """Another array on the same memory; of a random key, a copy."""
+    if not isinstance(leaf, jax.Array):
+        return leaf
+    if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+        return jnp.copy(leaf)
+    parts = [shard.data for shard in leaf.addressable_shards]
+    return jax.make_array_from_single_device_arrays(leaf.shape, leaf.sharding, parts)
 
 
 def _require_finite(metrics: Metrics, first: int) -> None:
@@ -111,13 +187,3 @@ def _require_sound(learned: Any, first: int) -> None:
 def _finite(learned: Any) -> Any:
     numbers = eqx.filter(learned, eqx.is_inexact_array)
     return jax.tree.map(lambda array: jnp.isfinite(array).all(), numbers)
-
-
-def even_chunk(updates: int, most: int) -> int:
-    """How long to make chunks of at most `most` updates so that, if may be, all are as long.
-
-    Chunks of another length are another program to compile.  Those of more than half of `most`
-    are tried; where none divides `updates`, the last one will be shorter.
-    """
-    most = max(1, min(most, updates))
-    return next((size for size in range(most, most // 2, -1) if updates % size == 0), most)

@@ -25,6 +25,8 @@ from jax import Array
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
+from ethogram.core.memory import require_memory
+from ethogram.core.module import Module
 from ethogram.core.settings import Number, check_settings, setting
 from ethogram.learners.evolution.genes import Genes
 from ethogram.learners.evolution.pareto import dominance, fronts
@@ -50,7 +52,7 @@ class Population(eqx.Module):
     fitness: Float[Array, "run individual"]
 
 
-class AgeFitness(eqx.Module):
+class AgeFitness(Module):
     """Algorithm 2 for any fitness function.
 
     `evaluate` takes genomes to fitness, of all candidates of all runs at once.  Candidates that
@@ -71,7 +73,17 @@ class AgeFitness(eqx.Module):
         check_settings(self)
 
     def init(self, key: Key[Array, "run"]) -> tuple[Population, Any]:
-        """Random populations of age 0, and their metrics (see `update`)."""
+        """Random populations of age 0, and their metrics (see `update`).
+
+        Raises:
+            TooLarge: a generation would not fit in memory; the message names the size.
+
+        """
+        runs, individuals = key.shape[0], self.population
+        require_memory(
+            f"Evolution in {runs:,} runs of {individuals:,} individuals of {len(self.genes)} genes",
+            generation_bytes(runs, individuals, len(self.genes)),
+        )
         genome = jax.vmap(lambda one: self.genes.random(one, self.population))(key)
         evaluated = _with_worst(self.evaluate(genome))
         age = jnp.zeros(evaluated.fitness.shape, jnp.int32)
@@ -133,6 +145,15 @@ class AgeFitness(eqx.Module):
         chance = jax.random.uniform(key, front.shape)
         kept = jnp.lexsort((chance, -everyone.fitness, front))[: self.population]
         return jax.tree.map(lambda of_all: of_all[kept], everyone)
+
+
+def generation_bytes(runs: int, population: int, genes: int) -> int:
+    """Memory of a generation: old and new genomes, twice, and who surpasses whom.
+
+    What the fitness function needs is not among it.
+    """
+    candidates = 2 * population + 1
+    return runs * candidates * (2 * 4 * genes + 2 * candidates)
 
 
 def best(

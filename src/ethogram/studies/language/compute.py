@@ -17,17 +17,21 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.specs import role_specs
 from ethogram.core.trees import from_arrays, to_arrays
+from ethogram.learners.joint import joint_count, network_sizes
 from ethogram.learners.maddpg import MADDPG, Learned, Playing
-from ethogram.learners.train import Diverged, even_chunk, train
+from ethogram.learners.train import Diverged, train
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, plays
-from ethogram.studies.language.validation import Watched, watch, watched_bytes
+from ethogram.studies.language.validation import MODES, Watched, watch, watched_bytes
 from ethogram.worlds.language.scene import record
 
 COMPILE_SECONDS = 30.0
 PROCESS_BYTES = 800_000_000  # Python, JAX and compiled programs
-MULTIPLICATIONS_PER_SECOND = 25e9  # in training, one core; see benchmarks
-CHUNK_MULTIPLICATIONS = 50e9  # between two checkpoints: some seconds
+# On one core of an ordinary machine; see benchmarks
+MULTIPLICATIONS_PER_SECOND = 25e9  # of networks
+PLAY_SECONDS = 15e-6  # per agent and step of the episodes side by side, however small
+LEARN_SECONDS = 4e-4  # per agent and round of updates, however small
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
 REPLAY = "learned.replay.rows"
@@ -49,19 +53,20 @@ def cost(case: Case) -> Cost:
     A checkpoint holds the replay memory twice more for a moment: as an array, and as bytes.
     """
     settings = case.parsed(Settings)
-    learner = learner_of(settings)
-    rounds = settings.trials * plays(settings) * learner.rounds
-    seconds = rounds * multiplications(learner) / MULTIPLICATIONS_PER_SECOND
-    networks = sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves(_agents(learner)))
-    recorded = settings.trials * (_points(settings) + 5 * settings.validation_episodes)
+    learner, validated = learner_of(settings), settings.validation_episodes
+    training = plays(settings) * (
+        _play_seconds(learner, learner.episodes) + learner.rounds * _learn_seconds(learner)
+    )
+    watching = len(MODES) * _play_seconds(learner, 2 * validated)  # with noise and without
+    recorded = settings.trials * (_points(settings) + 5 * validated)
     return Cost(
-        seconds=COMPILE_SECONDS + seconds,
+        seconds=COMPILE_SECONDS + settings.trials * (training + watching),
         bytes=PROCESS_BYTES
         + 3 * learner.replay_bytes
-        + 4 * networks  # gradients, and those on their way to a checkpoint
+        + 4 * learner.network_bytes  # gradients, and those on their way to a checkpoint
         + _batch_bytes(learner)
         + RECORDED_BYTES * recorded
-        + watched_bytes(learner, settings.validation_episodes),
+        + watched_bytes(learner, validated),
     )
 
 
@@ -104,7 +109,6 @@ def _train(
     """Train a trial to its end: first it only plays, then it learns as well."""
     reward, planned = trial.reward, plays(settings)
     begins = min(learner.first_plays, planned)
-    most = int(CHUNK_MULTIPLICATIONS / multiplications(learner) / learner.rounds)
 
     def after_chunk(played: int, learned: Learned, metrics: Any) -> None:
         earned = sum(part.sum(-1) for part in metrics["reward"].values()).reshape(-1)
@@ -123,7 +127,6 @@ def _train(
                 key,
                 learned,
                 end,
-                chunk=even_chunk(end - start, most),
                 after_chunk=after_chunk,
                 start=max(start, trial.played),
             )
@@ -211,21 +214,40 @@ def _points(settings: Settings) -> int:
     return -(-settings.episodes // settings.record_every)
 
 
-def _agents(learner: MADDPG) -> Any:
-    """The shapes of all that agents learn."""
-    return jax.eval_shape(learner.new_agents, jax.random.key(0))
+class _Networks(NamedTuple):
+    """How large those of a role are that learns."""
+
+    agents: int
+    actor: int  # numbers of each
+    critic: int
 
 
-def multiplications(learner: MADDPG) -> float:
-    """About how many a round of updates takes in networks, forward and back."""
-    agents = [agent for role in _agents(learner).values() for agent in role]
-    actors = [sum(weight.size for weight in agent.actor.weights) for agent in agents]
-    critics = [sum(weight.size for weight in agent.critic.weights) for agent in agents]
-    per_row = 6 * sum(critics) + len(agents) * sum(actors) + 3 * sum(actors)
-    return learner.batch * float(per_row)
+def _networks(learner: MADDPG) -> list[_Networks]:
+    roles, hidden = role_specs(learner.world), (learner.hidden, learner.hidden)
+    return [
+        _Networks(roles[name].agents, *network_sizes(roles, name, hidden))
+        for name in learner.learning
+    ]
+
+
+def _play_seconds(learner: MADDPG, episodes: int) -> float:
+    """About how long episodes side by side take."""
+    agents = sum(role.agents for role in role_specs(learner.world).values())
+    actors = sum(role.agents * role.actor for role in _networks(learner))
+    each = PLAY_SECONDS * agents + episodes * actors / MULTIPLICATIONS_PER_SECOND
+    return learner.world.horizon * each
+
+
+def _learn_seconds(learner: MADDPG) -> float:
+    """About how long a round of updates takes: networks forward and back, and all around them."""
+    networks = _networks(learner)
+    agents = sum(role.agents for role in networks)
+    actors = sum(role.agents * role.actor for role in networks)
+    critics = sum(role.agents * role.critic for role in networks)
+    per_row = 6 * critics + (agents + 3) * actors
+    return LEARN_SECONDS * agents + learner.batch * per_row / MULTIPLICATIONS_PER_SECOND
 
 
 def _batch_bytes(learner: MADDPG) -> int:
     """What a minibatch takes: the critic's inputs, a few times, and as many again to come."""
-    (agent, *_) = next(iter(_agents(learner).values()))
-    return 8 * 4 * learner.batch * int(agent.critic.weights[0].shape[0])
+    return 8 * 4 * learner.batch * joint_count(role_specs(learner.world))

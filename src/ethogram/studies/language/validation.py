@@ -11,6 +11,7 @@ from jaxtyping import Float, Int, Key
 
 from ethogram.core.rollout import Policy, rollout
 from ethogram.core.settings import Number
+from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, Transition
 from ethogram.learners.maddpg import MADDPG, Learned
 from ethogram.learners.returns import discounted
@@ -24,7 +25,7 @@ _EPISODES = "episodes"  # the axis of episodes played side by side
 
 def watched_bytes(learner: MADDPG, episodes: int) -> int:
     """Memory that `watch` needs: all that is seen in all episodes, and every word tried."""
-    roles, steps = learner.world.roles, learner.world.horizon
+    roles, steps = role_specs(learner.world), learner.world.horizon
     mover, talker = roles["mover"], roles["talker"]
     words = talker.action.shape[0]
     seen = mover.agents * (mover.observation.shape[0] + 4 * words)

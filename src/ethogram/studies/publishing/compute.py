@@ -21,7 +21,7 @@ from ethogram.core.scene import RECORDED, Scene, grouped
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.core.world import PerRole, World
 from ethogram.learners.qlearning import Learned, QLearning
-from ethogram.learners.train import even_chunk, train
+from ethogram.learners.train import train
 from ethogram.studies.publishing.condition import DEFAULT
 from ethogram.studies.publishing.plan import (
     Settings,
@@ -38,11 +38,12 @@ from ethogram.worlds.publishing.scene import Glimpse, glimpse, record
 from ethogram.worlds.publishing.state import State
 from ethogram.worlds.publishing.world import TOP
 
-AUTHOR_STEPS_PER_SECOND = 8e5  # one core of an ordinary machine; see benchmarks
+# On one core of an ordinary machine; see benchmarks
+AUTHOR_STEPS_PER_SECOND = 8e5
+STEP_SECONDS = 1.2e-4  # per step, however few authors there are
 COMPILE_SECONDS = 15.0
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
-CHUNK_AUTHOR_STEPS = 10_000_000  # of training, between two checkpoints: some seconds
 QUALITY_BINS = 30  # of the recorded distributions
 
 
@@ -70,13 +71,16 @@ def cost(case: Case) -> Cost:
     settings = case.parsed(Settings)
     world, learner = world_of(settings), learner_of(settings)
     per_episode = settings.trials * world.authors * world.horizon
-    episodes = 1 if learner is None else 1 + 2 * settings.episodes
+    trained = 0 if learner is None else settings.episodes
     turns = world.authors if settings.world.update == "sequential" else 1
     agents = world.authors + 6 * world.journals + QUALITY_BINS
     recorded = settings.trials * (world.years + 1) * agents
+    recorded += settings.trials * trained  # what is earned in each episode
+    steps = world.horizon * (trained + settings.trials)  # those watched are played one by one
+    work = (1 + 2 * trained) * per_episode
     seen = 4 * world.authors * (world.references + world.journals)
     return Cost(
-        seconds=COMPILE_SECONDS + turns * episodes * per_episode / AUTHOR_STEPS_PER_SECOND,
+        seconds=COMPILE_SECONDS + turns * (steps * STEP_SECONDS + work / AUTHOR_STEPS_PER_SECOND),
         bytes=PROCESS_BYTES
         + 2 * (world.state_bytes + seen) * (1 if learner is None else settings.trials)
         + (0 if learner is None else 3 * learner.table_bytes)
@@ -226,14 +230,11 @@ def _train(
         context.progress(done, settings.episodes)
         context.checkpoint(lambda: to_arrays(learned) | {"curve": curve})
 
-    world = settings.world
-    steps = settings.trials * world.authors * world.years * world.steps_per_year
     learned = train(
         learner,
         keys,
         learned,
         settings.episodes,
-        chunk=even_chunk(settings.episodes, CHUNK_AUTHOR_STEPS // steps),
         after_chunk=after_chunk,
         start=len(curve),
     )

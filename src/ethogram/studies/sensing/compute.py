@@ -18,7 +18,8 @@ from ethogram.core.memory import require_memory
 from ethogram.core.scene import RECORDED, grouped
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
-from ethogram.learners.train import even_chunk, train
+from ethogram.learners.evolution.age_fitness import generation_bytes
+from ethogram.learners.train import train
 from ethogram.physics.beams3d import State, centre
 from ethogram.studies.sensing.condition import SCENARIOS
 from ethogram.studies.sensing.plan import (
@@ -31,7 +32,7 @@ from ethogram.worlds.softbody3d import SoftBody3D
 from ethogram.worlds.softbody3d.bodies import layers
 from ethogram.worlds.softbody3d.controllers import Controller
 from ethogram.worlds.softbody3d.gravity import program, schedule
-from ethogram.worlds.softbody3d.locomotion import Journey, travel
+from ethogram.worlds.softbody3d.locomotion import Journey, robots_abreast, travel
 from ethogram.worlds.softbody3d.scene import Pose, pose, record
 
 VOXEL_STEPS_PER_SECOND = 5e6  # one core of an ordinary machine; see benchmarks
@@ -39,7 +40,6 @@ COMPILE_SECONDS = 12.0
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 ROBOT_BYTES = 4 * 200  # of a voxel's state, bonds and what is computed of them
-CHUNK_VOXEL_STEPS = 40_000_000  # between two checkpoints: some seconds
 
 
 class Race(eqx.Module):
@@ -72,10 +72,12 @@ class Watch(eqx.Module):
 def cost(case: Case) -> Cost:
     """About what a case takes on one core."""
     settings = case.parsed(Settings)
-    lattice, learner = world_of(settings).lattice, settings.learner
-    individuals = learner.population + settings.generations * (learner.population + 1)
+    world, learner = world_of(settings), settings.learner
+    lattice, block = world.lattice, robots_abreast(world)
     scenarios = len(SCENARIOS[settings.surface])
-    robots = settings.trials * (individuals + scenarios)
+    size = learner.population
+    groups = ((size, 1), (size + 1, settings.generations), (scenarios, 1))
+    blocks = sum(-(-settings.trials * each // block) * times for each, times in groups)
     genes = controller_of(settings).genes
     samples = settings.world.steps // settings.record_every
     shown = min(RECORDED, settings.trials)
@@ -84,9 +86,9 @@ def cost(case: Case) -> Cost:
     side_by_side = settings.trials * max(learner.population + 1, scenarios)
     return Cost(
         seconds=COMPILE_SECONDS
-        + robots * settings.world.steps * lattice.voxels / VOXEL_STEPS_PER_SECOND,
+        + blocks * block * settings.world.steps * lattice.voxels / VOXEL_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
-        + 16 * genes * settings.trials * (2 * learner.population + 1)
+        + generation_bytes(settings.trials, learner.population, genes)
         + ROBOT_BYTES * side_by_side * (lattice.voxels + pairs // 4)
         + 4 * 3 * settings.world.steps * settings.trials * scenarios
         + RECORDED_BYTES * watched,
@@ -154,14 +156,11 @@ def _evolve(
             lambda: to_arrays(population) | {f"curve.{name}": c for name, c in curves.items()}
         )
 
-    work = settings.trials * (settings.learner.population + 1) * settings.world.steps
-    most = CHUNK_VOXEL_STEPS // (work * world_of(settings).lattice.voxels)
     population = train(
         learner,
         fold_in(keys, 1),
         population,
         settings.generations,
-        chunk=even_chunk(settings.generations, most),
         after_chunk=after_chunk,
         start=len(curves["best"]) - 1,
     )

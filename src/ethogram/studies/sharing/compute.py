@@ -23,11 +23,12 @@ from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched,
 from ethogram.worlds.sharing.reward import REWARDS
 from ethogram.worlds.sharing.scene import record
 
-AGENT_STEPS_PER_SECOND = 14e6  # training, one core of an ordinary machine; see benchmarks
+# Training, on one core of an ordinary machine; see benchmarks
+AGENT_STEPS_PER_SECOND = 14e6
+STEP_SECONDS = 6e-6  # per step of the trials side by side, however few agents there are
 COMPILE_SECONDS = 3.0
 PROCESS_BYTES = 500_000_000  # Python, JAX and compiled programs
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
-CHUNK_AGENT_STEPS = 20_000_000  # between two checkpoints: a second or two
 SHOWN = 10  # steps that figures 3.4 and 3.5 and tables 3.3 and 3.4 show
 
 
@@ -39,10 +40,13 @@ def cost(case: Case) -> Cost:
     settings = case.parsed(Settings)
     learner, per_episode = learner_of(settings), _agent_steps(settings)
     episodes = settings.episodes + settings.validation_episodes
-    points = settings.episodes // settings.record_every
+    steps = episodes * settings.world.steps
+    points = -(-settings.episodes // settings.record_every)
     recorded = settings.trials * (points + settings.validation_episodes * settings.world.agents)
     return Cost(
-        seconds=COMPILE_SECONDS + episodes * per_episode / AGENT_STEPS_PER_SECOND,
+        seconds=COMPILE_SECONDS
+        + steps * STEP_SECONDS
+        + episodes * per_episode / AGENT_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
         + 3 * learner.table_bytes
         + TRANSITION_BYTES * per_episode
@@ -109,7 +113,6 @@ def _train(
         keys,
         learned,
         settings.episodes,
-        chunk=max(1, CHUNK_AGENT_STEPS // _agent_steps(settings)),
         after_chunk=after_chunk,
         start=start,
     )

@@ -22,6 +22,7 @@ from jax import Array
 from jaxtyping import Float, Key
 
 from ethogram.core.errors import InvalidSettings
+from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.world import PerRole
 from ethogram.worlds.language.world import MOVES, Language
@@ -53,7 +54,7 @@ def joint(**policies: RolePolicy) -> Policy:
     return policy
 
 
-class NoCommunication(eqx.Module):
+class NoCommunication(Module):
     """Talkers that never speak (eq. 2.7): they need no symbol, hence `alphabet=0`."""
 
     words: int = eqx.field(static=True)
@@ -69,7 +70,7 @@ class NoCommunication(eqx.Module):
         return jnp.zeros((len(observation), self.words)).at[:, 0].set(1.0)
 
 
-class Optimal(eqx.Module):
+class Optimal(Module):
     """Talkers that say what they know: robot r, target t is symbol 1 + r n_t + t (eq. 2.8).
 
     Raises:
@@ -94,7 +95,7 @@ class Optimal(eqx.Module):
         return jnp.pad(symbol, ((0, 0), (1, self.words - 1 - symbol.shape[1])))
 
 
-class Informed(eqx.Module):
+class Informed(Module):
     """Movers that go to their own target, once `Optimal` talkers have named it.
 
     Robot r looks, in all that was said, for one of the symbols 1 + r n_t to (r + 1) n_t; as long
@@ -133,7 +134,7 @@ class Informed(eqx.Module):
         return symbols.reshape(robots, self.targets)
 
 
-class Uninformed(eqx.Module):
+class Uninformed(Module):
     """Movers that keep close to all targets: per axis, to the middle of their median interval."""
 
     targets: int = eqx.field(static=True)

@@ -17,6 +17,7 @@ from jaxtyping import Float, Int, Key, UInt32
 from ethogram.core.batching import put, take
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.keys import branch, scaled, words
+from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
 from ethogram.core.world import PerRole
@@ -33,7 +34,7 @@ BinRule = Literal["ranked", "literal_clamped"]
 Remainder = Literal["spread", "drop"]
 
 
-class Random(eqx.Module):
+class Random(Module):
     """Any journal, with equal chance; a new draft after more than so many rejections."""
 
     max_rejections: int = MAX_REJECTIONS
@@ -47,7 +48,7 @@ class Random(eqx.Module):
         return jnp.where(seen[:, 1] > self.max_rejections, 0, chosen)
 
 
-class Minded(eqx.Module):
+class Minded(Module):
     """A journal of the bin k = floor(bins q / q_max) - rejections, within 1 to `bins`.
 
     `rule="literal_clamped"` is equation 7.4 as printed, min(1, ...), kept at 1, with the highest
@@ -69,14 +70,14 @@ class Minded(eqx.Module):
         wanted = jnp.floor(bins * quality / self.quality_max) - rejections
         if self.rule == "literal_clamped":
             wanted = jnp.full_like(quality, bins)
-        bin_ = jnp.clip(wanted, 1, bins).astype(jnp.int32) - 1
+        bin_ = jnp.clip(jnp.where(jnp.isnan(wanted), 1, wanted), 1, bins).astype(jnp.int32) - 1
         chosen = self.ranking.choose(key, bin_, seen[0, 2:])
         if self.max_rejections is None:
             return chosen
         return jnp.where(rejections > self.max_rejections, 0, chosen)
 
 
-class Ranking(eqx.Module):
+class Ranking(Module):
     """Journals by impact factor, those that have none last and ties at random, in equal bins.
 
     The last bin has the highest.  What cannot be divided is spread over the bins, which are as
@@ -119,7 +120,11 @@ class Ranking(eqx.Module):
 def ranking_of(
     impact: Float[Array, "journal"], tie: UInt32[Array, "journal"]
 ) -> Int[Array, "journal"]:
-    """The journals in the order of their impact factors, and of `tie` where these are equal."""
+    """The journals in the order of their impact factors, and of `tie` where these are equal.
+
+    An impact factor that is no number counts as the lowest.
+    """
+    impact = jnp.where(jnp.isnan(impact), -jnp.inf, impact)
     number = jnp.arange(len(impact))
     if len(impact) > COUNTED:
         return jnp.lexsort((tie, impact))
@@ -129,7 +134,7 @@ def ranking_of(
     return put(number, before.sum(1), number)
 
 
-class Scrutiny(eqx.Module):
+class Scrutiny(Module):
     """Editors that turn away what is below a share of what their journal has published."""
 
     share: float
@@ -151,7 +156,7 @@ def static(world: Publishing, author: str, editor: str) -> Policy:
     return Together(authors[author], Scrutiny(SHARES[editor]))
 
 
-class Together(eqx.Module):
+class Together(Module):
     """A policy of both roles."""
 
     author: RolePolicy

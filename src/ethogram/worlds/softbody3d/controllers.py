@@ -21,6 +21,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Key
 
+from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
 from ethogram.core.world import PerRole
@@ -44,7 +45,7 @@ class Ranges(NamedTuple):
     highest: Float[np.ndarray, "gene"]
 
 
-class Controller(eqx.Module):
+class Controller(Module):
     """A law of control with its parameters left open."""
 
     voxels: eqx.AbstractVar[int]

@@ -71,7 +71,7 @@ def travel(
     every = every or len(gravity)
     if len(gravity) % every:
         raise InvalidSettings(f"every = {every}: it should divide the {len(gravity)} steps.")
-    width = _fitting(world) if abreast is None else abreast
+    width = robots_abreast(world) if abreast is None else abreast
     if width < 1:
         raise InvalidSettings(f"abreast = {width}: it should be at least 1.")
     robots = parameters.shape[-1]
@@ -93,7 +93,7 @@ def travel(
     )
 
 
-def _fitting(world: SoftBody3D) -> int:
+def robots_abreast(world: SoftBody3D) -> int:
     """How many robots of a body to simulate side by side: a whole number of `LANES`."""
     fitting = VOXELS_ABREAST // world.lattice.voxels // LANES * LANES
     return max(LANES, min(ABREAST, fitting))

@@ -79,12 +79,21 @@ class SoftBody3D(World):
     acceleration_scale: Number = setting(0.01, Annotated[float, Field(ge=0)])  # of |dv/dt|, m/s^2
 
     def __check_init__(self) -> None:
-        """Refuse bounds of commands that leave nothing between them."""
+        """Refuse bounds of commands that leave nothing between them, in any world of a sweep.
+
+        Raises:
+            InvalidSettings: `shortest` is not below `longest`.
+
+        """
+        bounds = self.shortest, self.longest
+        if any(isinstance(bound, jax.core.Tracer) for bound in bounds):
+            return
+        shortest, longest = map(np.asarray, bounds)  # NumPy: under jit JAX would trace this, too
         try:
-            order = bool(self.shortest < self.longest)
-        except jax.errors.TracerBoolConversionError:
-            return  # swept
-        if not order:
+            in_order = (shortest < longest).all()
+        except ValueError:  # swept along axes of their own
+            in_order = shortest.max() < longest.min()
+        if not in_order:
             raise InvalidSettings(
                 f"SoftBody3D: shortest = {self.shortest} and longest = {self.longest}; allowed: "
                 "shortest below longest."

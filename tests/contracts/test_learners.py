@@ -1,0 +1,136 @@
+"""What every registered learner promises, in small worlds that suit it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tests.learners.toys import Choir, Duet
+
+from ethogram.core.errors import TooLarge
+from ethogram.core.keys import trial_keys
+from ethogram.learners import LEARNERS
+from ethogram.learners.dynamic_programming import MonteCarloControl
+from ethogram.learners.evolution import AgeFitness, Evaluated, Genes
+from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
+from ethogram.learners.maddpg import MADDPG, Playing
+from ethogram.learners.qlearning import QLearning
+from ethogram.learners.train import Diverged, train
+from ethogram.worlds.sharing import Sharing
+
+KEY = jax.random.key(0)
+PAY = (1.0, 2.0, 6.0, 8.0)
+ODD = (jnp.nan, jnp.inf, -jnp.inf, 1e38, -1e38, 0.0)
+
+
+def sphere(genomes):
+    fitness = -(genomes**2).sum(-1)
+    return Evaluated(fitness, jnp.zeros(fitness.shape, bool))
+
+
+def age_fitness(size=4):
+    return AgeFitness(Genes(*np.array([[-1.0], [1.0], [-1.0], [1.0]])), sphere, size)
+
+
+def made(name, pay=PAY):
+    """A learner, the key of its updates, and what it has learned at the beginning."""
+    small = {"batch": 4, "episodes": 2, "memory": 64, "hidden": 3}
+    match name:
+        case "age_fitness":
+            learner, keys = age_fitness(), trial_keys(0, "contract", 2)
+            return learner, keys, learner.init(keys)[0]
+        case "maddpg":
+            learner = MADDPG(Duet(pay[0]), **small)
+            return learner, KEY, learner.init(KEY)
+        case "playing":
+            learner = MADDPG(Duet(pay[0]), **small)
+            return Playing(learner), KEY, learner.init(KEY)
+        case "monte_carlo":
+            learner = MonteCarloControl(Choir(pay=pay))
+            return learner, KEY, learner.init()
+        case "qlearning":
+            learner = QLearning(Choir(pay=pay), trials=2)
+            return learner, trial_keys(0, "contract", 2), learner.init()
+    raise NotImplementedError(name)
+
+
+@pytest.mark.parametrize("name", [*LEARNERS.names(), "playing"])
+def test_update_can_be_given_to_jit_itself_and_keeps_the_shapes_of_what_is_learned(name):
+    learner, key, learned = made(name)
+    after, _ = jax.eval_shape(jax.jit(learner.update), key, learned)
+    assert jax.tree.map(lambda part: (part.shape, part.dtype), after) == jax.tree.map(
+        lambda part: (part.shape, part.dtype), learned
+    )
+
+
+@pytest.mark.parametrize("name", ["monte_carlo", "qlearning"])
+def test_a_table_that_is_no_number_still_chooses_actions_and_stops_the_run(name):
+    learner, key, learned = made(name, pay=(1.0, jnp.nan, 6.0, 8.0))
+    broken = jax.tree.map(lambda part: part * jnp.nan if part.dtype == float else part, learned)
+    act = learner.policy(broken)
+    for each in range(5):
+        action = act(jax.random.key(each), {"singer": jnp.array([0, 0, 0, 1])})
+        assert learner.world.roles["singer"].action.contains(action["singer"]).all()
+    with pytest.raises(Diverged, match=r"^return\.singer\[.*1\] is not finite at update 0"):
+        train(learner, key, learned, 3, after_chunk=lambda *_: None)
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_networks_that_are_no_numbers_still_choose_actions(noise):
+    learner, key, learned = made("maddpg")
+    roles = learner.world.roles
+    seen = {
+        name: jnp.zeros((role.agents, *role.observation.shape), int) for name, role in roles.items()
+    }
+    for odd in ODD:
+        broken = jax.tree.map(
+            lambda part, odd=odd: jnp.full_like(part, odd) if part.dtype == float else part, learned
+        )
+        action = learner.policy(broken, noise=noise)(key, seen)
+        assert all(role.action.contains(action[name]).all() for name, role in roles.items())
+        weights = learner._weights("pianist", key, jnp.full((1, 3), odd), 0.5)
+        assert abs(weights.sum() - 1) < 1e-5
+
+
+def test_an_action_is_one_that_there_is_whatever_its_values():
+    values = jnp.array([[1.0, jnp.nan, 2.0], [jnp.nan] * 3, *([odd, 1.0, odd] for odd in ODD)]).T
+    for seed in range(20):
+        bits = jax.random.bits(jax.random.key(seed), values.shape[1:])
+        for epsilon in (0.0, 0.5, 1.0):
+            chosen = epsilon_greedy(values, bits, epsilon)
+            assert ((chosen >= 0) & (chosen < 3)).all()
+    bits = jax.random.bits(jax.random.key(0), (8,))
+    assert epsilon_greedy(values, bits, 0.0)[3] in (0, 2)  # infinite ones are the highest
+    assert epsilon_greedy(values, bits, 0.0)[4] == 1
+
+
+@pytest.mark.parametrize("straight_through", [False, True])
+def test_weights_are_weights_whatever_the_logits(straight_through):
+    logits = jnp.array([[odd, other, 0.0] for odd in ODD for other in ODD])
+    for key in (None, KEY):
+        for temperature in (0.01, 1.0):
+            weights = gumbel_softmax(key, logits, temperature, straight_through=straight_through)
+            assert (weights >= 0).all()
+            np.testing.assert_allclose(weights.sum(-1), 1.0, rtol=1e-5)
+
+
+def test_what_is_counted_is_what_is_allocated(monkeypatch):
+    learner, _, learned = made("maddpg")
+    allocated = sum(part.nbytes for part in jax.tree.leaves(learned))
+    counted = learner.network_bytes + learner.replay_bytes
+    counters = 4 * (2 + 2 * 2)  # of rounds and transitions, and of each network's steps
+    assert allocated == counted + counters
+    learner, _, learned = made("monte_carlo")
+    needs = sum(part.nbytes for part in jax.tree.leaves((learned.value, learned.visits)))
+    monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: needs - 1)
+    with pytest.raises(TooLarge, match=rf"Monte Carlo control needs {needs} bytes of memory"):
+        learner.init()
+
+
+def test_what_does_not_fit_is_refused_with_its_size_before_it_is_allocated(monkeypatch):
+    monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: 8_000_000_000)
+    with pytest.raises(TooLarge, match=r"MADDPG with 14\.2 GB of networks and a replay memory of"):
+        MADDPG(Sharing()).init(KEY)
+    with pytest.raises(TooLarge, match=r"Evolution in 2 runs of 100,000 individuals .* needs"):
+        age_fitness(100_000).init(trial_keys(0, "contract", 2))
+    with pytest.raises(TooLarge, match=r"Q-learning with 1000 trials .* needs"):
+        QLearning(Sharing(), trials=1000).init()
