@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from ethogram.core.findings import Measured
 from ethogram.studies.statistics.effects import SKEWNESS, moments, reach_of
@@ -34,7 +34,7 @@ def interval_of_mean(samples: Floats, *, level: float = 0.95) -> Interval:
     biased = variance * (trials - 1) / trials
     spread = np.where(biased > 0, biased, 1.0)
     skewness = SKEWNESS * third / spread**1.5 / np.sqrt(trials)
-    quantile = student.isf((1.0 - level) / 2.0, trials - 1)
+    quantile = -stdtrit(trials - 1, (1.0 - level) / 2.0)
     error = np.sqrt(variance / trials)
     below, above = (reach_of(quantile, sign * skewness) for sign in (1, -1))
     return Interval(mean - error * below, mean + error * above)
