@@ -219,7 +219,9 @@ def varied(data):
     data["quality"][:] = data["quality"] * (1 + more / data["papers"])
     data["papers"][:] = data["papers"] + more
     data["histogram"][:] = data["histogram"] + rng.integers(0, 2, data["histogram"].shape)
-    data["indicator.h_index"][:] += rng.normal(0, 0.5, data["indicator.h_index"].shape)
+    for name, values in data.items():
+        if str(name).startswith("indicator."):
+            values[:] += rng.normal(0, 0.1 * float(values.std()), values.shape)
     return data
 
 
@@ -248,12 +250,13 @@ def test_a_scenario_that_is_otherwise_refutes_a_claim(number, at, change):
     rng = np.random.default_rng(1)
     for name, value in change.items():
         noise = rng.normal(0, 1e-3, data[name].shape)
+        more = rng.integers(0, 2, data[name].shape)
         if isinstance(value, str):
             value = results.latent(data, "impact_factor")
         if name == "quality":
             value = value * data["papers"].values
         integer = np.issubdtype(data[name].dtype, np.integer)
-        data[name][:] = np.broadcast_to(value, data[name].shape) + (0 if integer else noise)
+        data[name][:] = np.broadcast_to(value, data[name].shape) + (more if integer else noise)
     verdicts = {claim.number: claim.verdict for claim in study.claims(records)}
     assert verdicts[number] == "refuted"
 
