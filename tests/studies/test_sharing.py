@@ -1,6 +1,3 @@
-import sys
-from dataclasses import replace
-
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
@@ -202,7 +199,7 @@ def test_a_short_plan_decides_nothing(records):
 
 def test_the_margin_on_j_is_a_share_of_what_can_be_earned(monkeypatch):
     stated = []
-    monkeypatch.setattr(sys.modules[study.claims.__module__], "judge", stated.extend)
+    monkeypatch.setitem(study.claims.__globals__, "judge", stated.extend)
     study.claims(records_with((6.0, 5.8), (1.0, 1.0)))
     margins = {
         abs(part.margin)
@@ -231,7 +228,8 @@ def test_earnings_are_those_worked_by_hand():
 
 def test_random_agents_earn_what_is_computed_for_them():
     for scenario, measured in (("cooperative", 53.6), ("competitive", 17.4), ("mixed", 42.2)):
-        settings = Settings(world=replace(Settings().world, scenario=scenario))
+        plan = study.PLANS["thesis"].override([f"world.scenario={scenario}"])
+        settings = study.cases(plan)[0].parsed(Settings)
         found = earnings(compute.payoff(settings).astype(float), 2, 100)
         assert found.random == pytest.approx(measured, abs=0.1)  # of the published thesis plan
     assert found.optimum == pytest.approx(99.0)
