@@ -15,7 +15,7 @@ from ethogram.studies.language.published import (
 from ethogram.studies.language.results import SETTINGS, Results, Setting
 from ethogram.studies.language.tables import tables
 
-TRIALS = 3
+TRIALS = 8
 LEARNS_AT = {"learned": 9, "no-communication": 2, "optimal": 4}  # thousand episodes
 
 
@@ -24,9 +24,9 @@ def record(condition, reward, episodes=20_000, learns_at=None):
     robots, targets, talkers, alphabet, _ = condition
     reward = np.asarray(reward, float)
     point = np.arange(1, 21) * episodes // 20
-    late = 1000 * (learns_at or LEARNS_AT[talkers]) + np.array([0, 1000, 0])
+    late = 1000 * (learns_at or LEARNS_AT[talkers]) + np.resize([0, 1000, 0], len(reward))
     training = np.where(point < late[:, None], 3 * reward[:, None], reward[:, None])
-    meaning = np.full((TRIALS, robots, robots, targets, alphabet + 1), np.nan)
+    meaning = np.full((len(reward), robots, robots, targets, alphabet + 1), np.nan)
     for talker, guided, target in np.ndindex(robots, robots, targets):
         if guided != talker:
             word = min(1 + target + targets * guided, alphabet)
@@ -42,7 +42,7 @@ def record(condition, reward, episodes=20_000, learns_at=None):
         "meaning": (("trial", "talker", "guided", "target", "word"), meaning),
         "influence": (
             ("trial", "talker", "listener"),
-            np.broadcast_to(0.5 - 0.5 * np.eye(robots), (TRIALS, robots, robots)),
+            np.broadcast_to(0.5 - 0.5 * np.eye(robots), (len(reward), robots, robots)),
         ),
     }
     coords = {"point": ("point", point)}
@@ -229,7 +229,7 @@ def test_a_peak_elsewhere_refutes_where_it_should_be():
 @pytest.mark.parametrize(("robots", "expected"), [(2, "confirmed"), (3, "refuted")])
 def test_too_many_words_hurt_in_the_larger_games_only(everything, robots, expected):
     many = Setting(robots, 3).learned(3)
-    records = everything | {many.name: record(many, [-10, -10.1, -10.2])}
+    records = everything | {many.name: record(many, np.linspace(-10.2, -10, TRIALS))}
     assert claims(records)[2].verdict == expected
 
 
@@ -242,14 +242,14 @@ def test_a_learned_policy_that_beats_opt_refutes_that_opt_is_best():
 @pytest.mark.parametrize(("share", "expected"), [(0.04, "confirmed"), (0.08, "refuted")])
 def test_opt_may_be_worse_by_five_per_cent(everything, share, expected):
     one = Setting(2, 2)
-    worse = (1 + share) * outcome(one, one.learned(1)) + np.array([-0.01, 0, 0.01])
+    worse = (1 + share) * outcome(one, one.learned(1)) + np.linspace(-0.01, 0.01, TRIALS)
     records = everything | {one.optimal.name: record(one.optimal, worse)}
     assert claims(records)[3].verdict == expected
 
 
 def test_slower_baselines_refute_that_they_are_faster(everything):
     late = Setting(3, 3).optimal
-    records = everything | {late.name: record(late, [-20, -20.1, -20.2], learns_at=15)}
+    records = everything | {late.name: record(late, np.linspace(-20.2, -20, TRIALS), learns_at=15)}
     claim = claims(records)[6]
     assert (claim.verdict, claim.unit) == ("refuted", "thousand episodes")
     assert "optimal" in claim.note
@@ -262,29 +262,32 @@ def test_a_quick_plan_shows_the_direction_of_what_it_can():
     assert {claim.verdict for claim in judged} == {"undecided", "not run"}
     assert shown[2].high < 0 < shown[4].low
     short = "trained for 6 000 of the 20 000 episodes that the claim speaks of"
-    assert shown[2].note == f"{short}; 0 of 9 settings run whole, 1 in part"
+    leans = "leans towards the claim"
+    assert shown[2].note == f"{short}; 0 of 9 settings run whole, 1 in part; {leans}"
     assert shown[4].note.startswith(f"{short}; not run: 2 robots, 2 targets, learned, e = 0.5; ")
 
 
 def test_an_excerpt_decides_what_it_ran_in_full_and_shows_where_the_rest_points(excerpt):
     first, *rest = claims(excerpt)
-    assert (first.verdict, first.note) == ("undecided", "1 of 9 settings run whole")
+    leans = "leans towards the claim"
+    assert (first.verdict, first.note) == ("undecided", f"1 of 9 settings run whole; {leans}")
     assert first.low > 0
     without, many, opt, targets, spread, faster = rest
     assert (without.verdict, spread.verdict) == ("undecided", "undecided")
-    assert without.note == spread.note == "1 of 9 settings run whole, 1 in part"
+    assert without.note == f"1 of 9 settings run whole, 1 in part; {leans}"
+    assert spread.note.startswith("1 of 9 settings run whole, 1 in part; leans")
     assert without.high < 0
     assert spread.effect is not None
     assert (many.verdict, opt.verdict) == ("undecided", "undecided")
     assert many.high < 0 < opt.low
     assert many.note.startswith("not run: 3 robots, 4 targets, learned, e = 3; ")
-    assert many.note.endswith("; rests on: e = 3 - e = 1, 3 robots, 3 targets")
+    assert many.note.endswith(f"; rests on: e = 3 - e = 1, 3 robots, 3 targets; {leans}")
     assert (targets.verdict, faster.verdict) == ("not run", "confirmed")
 
 
 def test_an_excerpt_can_refute_what_it_did_not_run_in_full(excerpt):
     many = Setting(3, 3).learned(3)
-    records = excerpt | {many.name: record(many, [-10, -10.1, -10.2])}
+    records = excerpt | {many.name: record(many, np.linspace(-10.2, -10, TRIALS))}
     assert claims(records)[2].verdict == "refuted"
 
 
@@ -293,9 +296,19 @@ def test_an_average_over_all_settings_needs_the_whole_curve_of_each(everything):
     records = {name: groups for name, groups in everything.items() if name != gap.name}
     judged = claims(records)
     assert [judged[index].verdict for index in (0, 1, 5)] == ["undecided"] * 3
-    assert judged[0].note == "8 of 9 settings run whole"
-    assert judged[1].note == judged[5].note == "8 of 9 settings run whole, 1 in part"
+    leans = "leans towards the claim"
+    assert judged[0].note == f"8 of 9 settings run whole; {leans}"
+    part = f"8 of 9 settings run whole, 1 in part; {leans}"
+    assert judged[1].note == judged[5].note == part
     assert judged[3].note.startswith("not run: 4 robots, 4 targets, learned, e = 2; 4 robots, 4")
+
+
+def test_the_tests_that_were_changed_after_a_first_run_say_so():
+    found = claims({})
+    assert {claim.stated for claim in found} == {"2026-11-23"}
+    changed = {claim.number for claim in found if claim.history[0].date == "2026-11-23"}
+    assert changed == {1, 2, 6}
+    assert all(claim.history[-1].date == "2026-11-29" for claim in found)
 
 
 def test_other_settings_than_the_nine_take_no_part_in_claims(everything):

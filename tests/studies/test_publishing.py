@@ -150,10 +150,10 @@ def test_tables_and_figures_are_drawn_of_what_there_is(records):
 # Measures and claims, on numbers made for them
 
 
-def made(at, papers=None, quality=None, **indicators):
+def made(at, papers=None, quality=None, trials=6, **indicators):
     """A record of a condition: 20 years in which nothing changes but what is given for the last."""
     rng = np.random.default_rng(0)
-    trials, years, authors, journals = 6, 21, 30, at.size.journals
+    years, authors, journals = 21, 30, at.size.journals
     skill = rng.uniform(0, 15, (trials, authors))
     papers = np.full(journals, 20) if papers is None else papers
     papers = np.broadcast_to(papers, (trials, years, journals)).copy()
@@ -196,7 +196,7 @@ def made(at, papers=None, quality=None, **indicators):
 
 def as_the_thesis_says(at):
     few = np.where(np.arange(at.size.journals) < 4, 200, 5)
-    options = {"acceptance_rate": -1.0 if at.author == "random" else 0.0}
+    options = {"trials": 20, "acceptance_rate": -1.0 if at.author == "random" else 0.0}
     if at.author == "minded":
         options["papers"] = few
     if at.editor in ("mild_scrutiny", "learned") and at != AUTHOR_LEARNS:
@@ -210,8 +210,21 @@ def as_the_thesis_says(at):
             data["indicator.acceptance_rate"][:] = -results.latent(data, "acceptance_rate")
     if at == AUTHOR_LEARNS:
         own = np.linspace(5, 10, at.size.journals)
-        data = made(at, papers=(own * 10).astype(int), quality=own)
-    return {"results": data}
+        data = made(at, papers=(own * 10).astype(int), quality=own, trials=20)
+    return {"results": varied(data)}
+
+
+def varied(data):
+    """The same with a little noise: trials that are all equal decide nothing."""
+    rng = np.random.default_rng(7)
+    more = rng.integers(0, 2, data["papers"].shape)
+    data["quality"][:] = data["quality"] * (1 + more / data["papers"])
+    data["papers"][:] = data["papers"] + more
+    data["histogram"][:] = data["histogram"] + rng.integers(0, 2, data["histogram"].shape)
+    for name, values in data.items():
+        if str(name).startswith("indicator."):
+            values[:] += rng.normal(0, 0.1 * float(values.std()), values.shape)
+    return data
 
 
 def test_claims_are_confirmed_where_the_numbers_are_as_the_thesis_says():
@@ -239,12 +252,13 @@ def test_a_scenario_that_is_otherwise_refutes_a_claim(number, at, change):
     rng = np.random.default_rng(1)
     for name, value in change.items():
         noise = rng.normal(0, 1e-3, data[name].shape)
+        more = rng.integers(0, 2, data[name].shape)
         if isinstance(value, str):
             value = results.latent(data, "impact_factor")
         if name == "quality":
             value = value * data["papers"].values
         integer = np.issubdtype(data[name].dtype, np.integer)
-        data[name][:] = np.broadcast_to(value, data[name].shape) + (0 if integer else noise)
+        data[name][:] = np.broadcast_to(value, data[name].shape) + (more if integer else noise)
     verdicts = {claim.number: claim.verdict for claim in study.claims(records)}
     assert verdicts[number] == "refuted"
 

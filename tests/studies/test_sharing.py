@@ -16,6 +16,7 @@ from ethogram.studies import sharing as study
 from ethogram.studies.sharing import compute
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import inequality
+from ethogram.studies.sharing.earnings import earnings
 from ethogram.studies.sharing.plan import Condition, Settings
 from ethogram.studies.sharing.validation import ACTS, summarise
 from ethogram.worlds.sharing import Sharing, State
@@ -152,23 +153,25 @@ def test_the_best_displacement_is_all_together_or_as_even_as_can_be(
     assert measure.best_displacement(agents, resources, scenario) == pytest.approx(best)
 
 
-def records_with(always, none):
-    """Two steady trials of each strategy in every setting, with I given by whether it is hidden."""
+def records_with(always, none, episodes=20_000):
+    """Five steady trials of each strategy and setting, with I given by whether it is hidden."""
     records = {}
     for condition in measure.conditions():
         spread = {"always": always, "none": none}.get(condition.strategy, (1.0, 1.0))
-        spread = spread[condition.observed] + np.array([[0.0], [1e-3]])
-        steps = np.zeros((2, 12))
+        spread = spread[condition.observed] + 1e-3 * np.arange(5)[:, None]
+        steps = np.zeros((5, 100))
         data = {
-            "training_return": (("trial", "point"), np.zeros((2, 1))),
+            "training_return": (("trial", "point"), np.zeros((5, 1))),
             "training_inequality": (("trial", "point"), spread),
-            "validation_return": (("trial", "episode", "agent"), np.zeros((2, 1, 2))),
+            "validation_return": (("trial", "episode", "agent"), np.zeros((5, 100, 10))),
             "displacement": (("trial", "step"), steps + 10),
             "communication": (("trial", "step"), steps),
-            "acts": (("trial", "step", "act"), np.zeros((2, 12, 4))),
+            "acts": (("trial", "step", "act"), np.zeros((5, 100, 4))),
+            "payoff": (("filling",), np.linspace(0.1, 1.0, 10)),
         }
         attrs = {"agents": 10, "resources": 2, "largest_reward": 1.0}
-        records[condition.name] = {"results": xr.Dataset(data, attrs=attrs)}
+        results = xr.Dataset(data, coords={"point": [episodes]}, attrs=attrs)
+        records[condition.name] = {"results": results}
     return records
 
 
@@ -177,10 +180,76 @@ def test_a_lead_that_is_none_is_not_larger():
     assert behind.verdict == "refuted"
 
 
-def test_who_never_reaches_the_optimum_is_not_first():
+def test_trials_that_never_reach_the_optimum_are_censored_and_few_of_them_decide_nothing():
     together = study.claims(records_with(always=(1.0, 1.0), none=(1.0, 1.0)))[5]
-    assert together.verdict == "refuted"  # all stand together, also where they should spread
-    assert "always reaches the optimum" in together.note
+    assert together.verdict == "undecided"  # all stand together, also where they should spread
+    assert together.compared == "always reaches the optimum: competitive, filling hidden"
+    assert "5 of 5 trials at the cap" in together.note
+    assert "leans against the claim" in together.note
+
+
+def test_a_short_plan_decides_nothing(records):
+    short = study.claims(records_with((6.0, 5.8), (1.0, 1.0), episodes=60))
+    assert {claim.verdict for claim in short} == {"undecided"}
+    for claim in short:
+        assert claim.note.startswith("trained for 60 of the 20 000 episodes")
+    watched = next(claim for claim in study.claims(records) if claim.number == 6)
+    assert watched.note.startswith(
+        "trained for 3 000 of the 20 000 episodes and watched for 5 of the 100 validation episodes"
+    )
+
+
+def test_the_margin_on_j_is_a_share_of_what_can_be_earned(monkeypatch):
+    stated = []
+    monkeypatch.setitem(study.claims.__globals__, "judge", stated.extend)
+    study.claims(records_with((6.0, 5.8), (1.0, 1.0)))
+    margins = {
+        abs(part.margin)
+        for spec in stated
+        for part in spec.parts
+        if part.label.startswith(("J(", "lead in J"))
+    }
+    earned = earnings(np.linspace(0.1, 1.0, 10), 2, 100)
+    assert earned.optimum == pytest.approx(99.0)  # all on one place, 1 each
+    assert sorted(margins) == pytest.approx([0.02 * earned.range] * len(margins))
+    assert margins
+
+
+def test_earnings_are_those_worked_by_hand():
+    # Two agents, two places: 1 alone, 0.4 for each of two.  Apart is best.
+    apart = earnings(np.array([1.0, 0.4]), 2, 3)
+    assert apart.optimum == pytest.approx(2 * 1.0)
+    # Step 2: active with chance 1/2, company then with 1/4; step 3: 3/4, and 3/8.
+    step_2, step_3 = 1 / 2 * (1 - 0.6 / 4), 3 / 4 * (1 - 0.6 * 3 / 8)
+    assert apart.random == pytest.approx(step_2 + step_3)
+    assert apart.range == apart.optimum - apart.random
+    # Three agents, two places, the more the better: all on one, 3 each.
+    assert earnings(np.array([1.0, 2.0, 3.0]), 2, 2).optimum == pytest.approx(3.0)
+    assert earnings(np.array([1.0]), 1, 5) == (4.0, 4.0)
+
+
+def test_random_agents_earn_what_is_computed_for_them():
+    for scenario, measured in (("cooperative", 53.6), ("competitive", 17.4), ("mixed", 42.2)):
+        plan = study.PLANS["thesis"].override([f"world.scenario={scenario}"])
+        settings = study.cases(plan)[0].parsed(Settings)
+        found = earnings(compute.payoff(settings).astype(float), 2, 100)
+        assert found.random == pytest.approx(measured, abs=0.1)  # of the published thesis plan
+    assert found.optimum == pytest.approx(99.0)
+
+
+def test_the_best_off_are_compared_with_what_figure_3_6_shows():
+    claim = study.claims(records_with((6.0, 5.8), (1.0, 1.0)))[7]
+    assert "random" not in claim.compared
+    assert "random" not in claim.test
+    assert any("random" in revision.change for revision in claim.history)
+
+
+def test_claims_say_when_they_were_stated_and_what_was_changed_since():
+    claims = study.claims({})
+    assert {claim.stated for claim in claims} == {"2026-11-22"}
+    early = {claim.number for claim in claims if claim.history[0].date == "2026-11-22"}
+    assert early == {2, 6}  # after a first run had been seen
+    assert all(revision.known for claim in claims for revision in claim.history)
 
 
 def test_a_checkpoint_goes_on_to_the_same_record(monkeypatch):

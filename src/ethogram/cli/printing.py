@@ -121,19 +121,32 @@ def plain_comparison(found: "Comparison", page: Path) -> dict[str, Any]:
 
 
 def claim_lines(claim: "Claim") -> str:
-    """A claim as text: the verdict and the statement, and below them the evidence."""
+    """A claim as text: verdict and statement, and below them the evidence and the history."""
     lines = [f"{claim.number:3}. {claim.verdict:10} {claim.statement}"]
     if claim.effect is not None:
-        evidence = f"effect {claim.effect:.3g}"
+        evidence = f"{claim.compared or 'effect'}: {claim.effect:.3g}"
         if claim.low is not None and claim.high is not None:
             evidence += f" [{claim.low:.3g}, {claim.high:.3g}]"
-        evidence += f" {claim.unit}"
+        evidence = f"{evidence} {claim.unit}".rstrip()
+        if claim.side is not None and claim.margin is not None:
+            evidence += f", claimed {claim.side} {claim.margin:.3g}"
         if claim.p_value is not None:
-            evidence += f", p = {claim.p_value:.2g}"
-        lines.append(f"{'':16}{evidence}; {claim.test}")
+            evidence += f", {_p_value(claim.p_value)}"
+        lines.append(evidence)
+    lines.append(claim.test)
     if claim.note:
-        lines.append(f"{'':16}{claim.note}")
-    return "\n".join(lines)
+        lines.append(claim.note)
+    if claim.depends_on:
+        lines.append(f"another verdict under: {'; '.join(claim.depends_on)}")
+    if claim.history:
+        dates = ", ".join(dict.fromkeys(revision.date for revision in claim.history))
+        lines.append(f"stated {claim.stated}, its test changed {dates} (--json says how and why)")
+    return f"\n{'':16}".join(lines)
+
+
+def _p_value(p_value: float) -> str:
+    """To two digits, and never as zero."""
+    return "p < 1e-15" if p_value < 1e-15 else f"p = {p_value:.2g}"
 
 
 def finite(fields: dict[str, Any]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from matplotlib.figure import Figure as Drawing
 from numpy.typing import ArrayLike, NDArray
 
 from ethogram.core.findings import Cell, Table
-from ethogram.studies.statistics import bootstrap_interval
+from ethogram.studies.statistics import interval_of_mean
 
 Row = tuple[Cell, ...]  # of a figure's data
 
@@ -162,12 +162,12 @@ def draw_mean(
     *,
     markers: bool = False,
 ) -> list[Row]:
-    """Draw the mean over trials, the first axis of `samples`, with its 95% bootstrap band.
+    """Draw the mean over trials, the first axis of `samples`, with its 95% band.
 
     Returns what was drawn as rows of x, mean, low, high.
     """
     mean = samples.mean(0)
-    low, high = bootstrap_interval(samples, resamples=500)
+    low, high = interval_of_mean(samples)
     draw_band(axes, x, mean, low, high, series, label, markers=markers)
     return [
         (float(at), *(float(number) for number in numbers))

@@ -26,7 +26,7 @@ from ethogram.studies.plotting import (
     style,
     svg,
 )
-from ethogram.studies.statistics import bootstrap_interval
+from ethogram.studies.statistics import interval_of_mean
 
 LEARNED, SILENCE, OPTIMAL, NO_COMMUNICATION, *REFERENCES = SERIES
 POLICIES = (NO_COMMUNICATION, OPTIMAL, LEARNED, *REFERENCES)  # as `Setting.selected` has them
@@ -69,7 +69,7 @@ def _averaged(results: Results) -> Figure | None:
         title="Figure 2.1: Normalised validation reward against expressiveness",
         caption="R_val scaled, in each trial and setting, to mean 0 and deviation 1 over all |W|; "
         "averaged over the settings of which all were run, (n_r, n_t) = "
-        f"{_listed(whole)}; mean over trials with 95% bootstrap band.",
+        f"{_listed(whole)}; mean over trials with 95% band.",
         alt="Normalised validation reward against expressiveness from 0 to 4, one line; highest "
         f"at e = {CURVE[averaged.mean(0).argmax()]:g}.",
         svg=svg(drawing),
@@ -83,7 +83,7 @@ def _validation(results: Results) -> Figure | None:
         results.settings,
         name="figure-2-2",
         title="Figure 2.2: Validation reward against expressiveness",
-        caption="Mean R_val over trials with 95% bootstrap bands and bars; crosses: the thesis' "
+        caption="Mean R_val over trials with 95% bands and bars; crosses: the thesis' "
         "Table 2.2. Lines across: hand-made reference controllers that know the targets of all "
         "robots (informed) or of none.",
         alt="A panel per number of robots and targets: R_val of learned policies against "
@@ -126,7 +126,7 @@ def _dot(panel: Axes, results: Results, condition: Condition, look: Series, name
     if condition not in results.by_condition:
         return []
     e, samples = condition.expressiveness, validation_return(results.by_condition[condition])
-    low, high = bootstrap_interval(samples)
+    low, high = interval_of_mean(samples)
     panel.vlines(e, low, high, color=look.colour)
     panel.plot(e, samples.mean(), color=look.colour, marker=look.marker, linestyle="", label=name)
     return [(name, e, float(samples.mean()), float(low), float(high))]
@@ -198,7 +198,7 @@ def _learning(results: Results) -> Figure | None:
         name="figure-2-4",
         title="Figure 2.4: Learning reward during training",
         caption="R_learn, the return of training episodes averaged since the last point; mean "
-        "over trials with 95% bootstrap bands.",
+        "over trials with 95% bands.",
         alt="A panel per setting: learning reward against training episodes for three values of "
         "expressiveness and both baselines.",
         columns=("policy", "thousand episodes", "mean", "low", "high"),

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ethogram.campaign.study import Records
 from ethogram.studies.language.plan import CURVE, SELECTED, Condition, alphabet_of
-from ethogram.studies.statistics import Trials
+from ethogram.studies.statistics import Support, Trials, bounded, support_of
 
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [trial]
 Metric = Callable[[np.ndarray], np.ndarray | float]  # of one trial's `meaning`: see `metrics`
@@ -86,7 +86,9 @@ class Results(NamedTuple):
     def trials(self, measure: Measure, condition: Condition) -> Trials:
         """One number per trial of a condition, or word that it was not run."""
         data = self.by_condition.get(condition)
-        return Trials(condition.words, None if data is None else measure(data).astype(float))
+        if data is None:
+            return Trials(condition.words, None)
+        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
 
     def settings_with(self, expressiveness: Sequence[float]) -> list[Setting]:
         """The settings of which learned talkers with each of these e were run.
@@ -155,6 +157,13 @@ def lost(variable: str) -> Measure:
     return measure
 
 
+def _points(data: xr.Dataset) -> Support:
+    """The final value is reached at some recorded point, the last of all at the latest."""
+    first, last = (data["point"].values[[0, -1]] / 1000).tolist()
+    return Support(low=first, high=last)
+
+
+@bounded(_points)
 def thousand_episodes(data: xr.Dataset) -> np.ndarray:
     """After how many episodes, in thousands, R_learn first came to 95% of its final value.
 

@@ -57,7 +57,7 @@ def _table_2_2(results: Results) -> Table:
         name="table-2-2",
         title="Table 2.2: Validation reward for selected values of expressiveness",
         caption="|W| is the integer part of e n_r n_t. Mean of R_val over trials with a 95% "
-        "bootstrap interval, and its standard deviation over trials; the thesis does not say over "
+        "interval, and its standard deviation over trials; the thesis does not say over "
         "what its own was taken.",
         columns=(*SETTING, "e", "|W|", "R_val, mean", "R_val, deviation"),
         rows=tuple(rows),
@@ -78,7 +78,7 @@ def _table_2_3(results: Results) -> Table:
         name="table-2-3",
         title="Table 2.3: Thousands of episodes to 95% of the final learning reward",
         caption="Until the learning reward is first within 5% of its final value, the mean over "
-        "the last tenth of training; mean over trials with a 95% bootstrap interval.",
+        "the last tenth of training; mean over trials with a 95% interval.",
         columns=(*SETTING, "policy", "episodes (thousands)"),
         rows=tuple(rows),
     )
@@ -88,7 +88,7 @@ def _returns(results: Results) -> Table:
     return Table(
         name="returns",
         title="Return in validation",
-        caption="Sum over all agents and steps, mean over trials with a 95% bootstrap interval. "
+        caption="Sum over all agents and steps, mean over trials with a 95% interval. "
         "R_val: actions are sampled. Noise-free: without the noise of sampling. Discounted: "
         f"eq. 2.1 with the learner's discount{_discounts(results)}, and with the initial state's "
         "reward. Silenced: nobody hears anything. Scrambled: "
@@ -107,7 +107,7 @@ def _language(results: Results) -> Table:
     return Table(
         name="language",
         title="The language that emerged",
-        caption="Means over talkers, then over trials, with a 95% bootstrap interval. Lost: R_val "
+        caption="Means over talkers, then over trials, with a 95% interval. Lost: R_val "
         "less the return with the channel silenced or scrambled. Influence: what a word changes "
         "in the movement of another robot. Target and association told: mutual information of "
         "the word with what the talker knows, 1 if it tells all. Effective vocabulary: exp of "

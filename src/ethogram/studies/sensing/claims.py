@@ -1,4 +1,4 @@
-"""The six claims of the chapter as tests that were stated before the run, under both output laws.
+"""The six claims of the chapter as tests, with their history, under both output laws.
 
 Claims 1 to 6 are about sensing controllers whose outputs pass through tanh, 7 to 12 say the same
 of unbounded ones.  Non-sensing is `shrink_limited` in both.  Unless something else is named the
@@ -47,12 +47,14 @@ from ethogram.studies.sensing.results import (
 )
 from ethogram.studies.statistics import (
     ClaimSpec,
+    Need,
     Part,
     Terms,
     Trials,
     contributions,
     difference,
     judge,
+    tests_revised,
 )
 
 GENERATIONS, STEPS = 200, 10_000  # that the chapter speaks of
@@ -61,6 +63,9 @@ DISTINCT = ("worm", "biped")  # the bodies of claim 5
 SMALLEST = "tripod"  # the body of claim 2
 JACKKNIFED = 3  # runs that it takes to leave one out and still have neighbours
 DISTANCE, COUNT, SILHOUETTE = "mm", "cases", "silhouette"  # units
+
+STATED = "2026-11-26"
+HISTORY = (tests_revised("The published results of six runs of the thesis plan."),)
 
 Spec = Callable[[Results, str, int], ClaimSpec]
 
@@ -97,7 +102,9 @@ def _sensing_better(results: Results, output: str, number: int) -> ClaimSpec:
             _more(f"lead, {body}", _lead(results, body, output, "even", FITNESS))
             for body in MORPHOLOGIES
         ),
-        reservation=_short(results, output, "even"),
+        needs=_needs(results, output, "even"),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -115,7 +122,9 @@ def _tripod_least(results: Results, output: str, number: int) -> ClaimSpec:
         test="Lead: mean fitness with sensing less that without, in mm. It is above zero for worm "
         "and biped, and the tripod's less either of these is below zero.",
         parts=(*exists, *_leads_compared(results, output, "even", FITNESS)),
-        reservation=_short(results, output, "even"),
+        needs=_needs(results, output, "even"),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -137,7 +146,9 @@ def _uneven_too(results: Results, output: str, number: int) -> ClaimSpec:
         "mean distance is above zero for each body, and the tripod's less either of the others' is "
         "below zero.",
         parts=tuple(parts),
-        reservation=_short(results, output, "uneven"),
+        needs=_needs(results, output, "uneven"),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -167,7 +178,9 @@ def _validation_kept(results: Results, output: str, number: int) -> ClaimSpec:
                 MOST,
             ),
         ),
-        reservation=_short(results, output, "uneven"),
+        needs=_needs(results, output, "uneven"),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -194,7 +207,9 @@ def _clouds_distinct(results: Results, output: str, number: int) -> ClaimSpec:
         test="Even surface: the mean silhouette of the runs is above zero for either kind, and the "
         "mean distance from the mean behaviour of the kind is larger with sensing than without.",
         parts=tuple(parts),
-        reservation=_short(results, output, "even", DISTINCT),
+        needs=_needs(results, output, "even", DISTINCT),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -217,7 +232,9 @@ def _sin_hardest(results: Results, output: str, number: int) -> ClaimSpec:
         test="For each body and controller, the distance in sin less that in flat, and less that "
         "in step, of the same robot, has a mean below zero.",
         parts=tuple(parts),
-        reservation=_short(results, output, "uneven"),
+        needs=_needs(results, output, "uneven"),
+        stated=STATED,
+        history=HISTORY,
     )
 
 
@@ -270,20 +287,17 @@ def _spread(results: Results, at: Condition) -> Trials:
     return Trials(at.words, spreads(results.behaviours(at, FITNESS)))
 
 
-def _short(
+def _needs(
     results: Results, output: str, surface: str, bodies: Sequence[str] = MORPHOLOGIES
-) -> str:
-    """Why less evolution or shorter simulations than the chapter's decide nothing."""
+) -> tuple[Need, ...]:
+    """What the chapter's claims are about, and the least with which what they compare was run."""
     compared = [
         at for body in bodies for at in (non_sensing(body, surface), sensing(body, output, surface))
     ]
-    reasons = []
-    for attribute, verb, needed in (
-        ("generations", "evolved", GENERATIONS),
-        ("steps", "simulated", STEPS),
-    ):
-        least = results.least(attribute, compared)
-        if least is not None and least < needed:
-            some, all_ = (f"{count:,}".replace(",", " ") for count in (least, needed))
-            reasons.append(f"{verb} for {some} of the {all_} {attribute}")
-    return f"{' and '.join(reasons)} that the claim speaks of" if reasons else ""
+    return tuple(
+        Need(verb=verb, unit=unit, needed=needed, run=results.least(unit, compared))
+        for verb, unit, needed in (
+            ("evolved for", "generations", GENERATIONS),
+            ("simulated for", "steps", STEPS),
+        )
+    )

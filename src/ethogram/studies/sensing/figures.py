@@ -105,7 +105,7 @@ def _evolution(results: Results) -> Figure | None:
     return Figure(
         name="figure-5-2",
         title="Figure 5.2: Best fitness during evolution, even surface",
-        caption="Mean over runs with 95% bootstrap bands; the scale is logarithmic. At the right "
+        caption="Mean over runs with 95% bands; the scale is logarithmic. At the right "
         "edge: the thesis' mean after 200 generations.",
         alt="A panel per body: fitness of the best robot against generations, a line per "
         "controller, and what the thesis prints.",

@@ -25,7 +25,15 @@ from ethogram.studies.sensing.condition import (
     VALIDATION,
     Condition,
 )
-from ethogram.studies.statistics import Trials, bootstrap_interval
+from ethogram.studies.statistics import (
+    LEAST_TRIALS,
+    Support,
+    Trials,
+    bounded,
+    contributions,
+    measured,
+    support_of,
+)
 
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 
@@ -70,7 +78,9 @@ class Results(NamedTuple):
     def trials(self, measure: Measure, condition: Condition) -> Trials:
         """One number per run of a condition, or word that it was not run."""
         data = self.by_condition.get(condition)
-        return Trials(condition.words, None if data is None else measure(data).astype(float))
+        if data is None:
+            return Trials(condition.words, None)
+        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
 
     def behaviours(self, condition: Condition, scenario: str) -> Behaviours:
         """How the best robots of a condition that was run move (mm), run by run."""
@@ -118,6 +128,7 @@ def validated(*, above: bool) -> Measure:
     Of a positive fitness, above 1 is to go further than the fitness; this is what is counted.
     """
 
+    @bounded(lambda _: Support(low=0.0, high=float(len(VALIDATION))))
     def measure(data: xr.Dataset) -> np.ndarray:
         gained = np.stack([further(scenario, FITNESS)(data) for scenario in VALIDATION])
         count = (gained > 0 if above else gained < 0).sum(0).astype(float)
@@ -151,46 +162,40 @@ def u_test(one: Trials, other: Trials) -> float | None:
 
 
 def ratio(data: xr.Dataset, scenario: str, published: float | None = None) -> Measured | None:
-    """Mean distance in a validation scenario over mean fitness, with a bootstrap interval.
+    """Mean distance in a validation scenario over mean fitness, with its interval.
 
-    None where a robot did not go forward in evolution: a ratio would say nothing.
+    A ratio of means is no mean: its interval is that of the jackknife's pseudo-values, a number for
+    each run.  None where a robot did not go forward in evolution: a ratio would say nothing.
     """
     pairs = np.stack([distance(scenario)(data), distance(FITNESS)(data)], 1)
     pairs = pairs[np.isfinite(pairs).all(1)]
     if not pairs.size or (pairs[:, 1] <= 0).any():
         return None
+    if len(pairs) < LEAST_TRIALS:
+        own = pairs[:, 0] / pairs[:, 1]
+        value, low, high = _of_means(pairs), float(own.min()), float(own.max())
+        return Measured(value=value, low=low, high=high, published=published, bounds="range")
+    (each,) = contributions(_of_means, pairs)
+    return measured(Trials(f"ratio, {scenario}", each), published=published)
 
-    def of_means(samples: np.ndarray, axis: int = 0) -> np.ndarray:
-        mean = samples.mean(axis)
-        return mean[..., 0] / mean[..., 1]
 
-    low, high = bootstrap_interval(pairs, of_means)
-    value = float(of_means(pairs))
-    return Measured(value=value, low=float(low), high=float(high), published=published)
+def _of_means(pairs: np.ndarray) -> float:
+    over, under = pairs.mean(0)
+    return float(over / under)
 
 
 def ratios_above_one(
     datasets: Sequence[xr.Dataset], published: float | None = None
 ) -> Measured | None:
-    """In how many cases, a data set in a validation scenario, the ratio of means is above 1.
-
-    The interval is by bootstrap: runs are drawn anew, in each data set on its own.
-    """
-    counts, drawn = [], []
-    for seed, data in enumerate(datasets):
+    """In how many cases, a data set in a validation scenario, the ratio of means is above 1."""
+    counts = []
+    for data in datasets:
         gained = np.stack([further(scenario, FITNESS)(data) for scenario in VALIDATION], 1)
         gained = gained[np.isfinite(gained).all(1)]
         if not gained.size:
             return None
         counts.append((gained.mean(0) > 0).sum())
-        picks = np.random.default_rng(seed).integers(len(gained), size=(2000, len(gained)))
-        drawn.append((gained[picks].mean(1) > 0).sum(1))
-    if not counts:
-        return None
-    low, high = np.quantile(np.sum(drawn, 0), [0.025, 0.975])
-    return Measured(
-        value=float(np.sum(counts)), low=float(low), high=float(high), published=published
-    )
+    return Measured(value=float(np.sum(counts)), published=published) if counts else None
 
 
 def curve(data: xr.Dataset) -> Float[np.ndarray, "run generation"]:

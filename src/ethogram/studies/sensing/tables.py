@@ -103,7 +103,7 @@ def _table_5_2(results: Results) -> Table:
     return Table(
         name="table-5-2",
         title="Table 5.2: Even surface, fitness of the best robot at the end of evolution",
-        caption="In mm, mean over runs with a 95% bootstrap interval, and standard deviation. p: "
+        caption="In mm, mean over runs with a 95% interval, and standard deviation. p: "
         "Mann-Whitney U test, two-sided, against the non-sensing controller of the same body; "
         "corrected: by Holm, over the comparisons of this table. Broken robots: of all that were "
         "evaluated; their fitness is the worst. The thesis' deviation of the non-sensing tripod is "
@@ -146,7 +146,7 @@ def _table_5_3(results: Results) -> Table:
         name="table-5-3",
         title="Table 5.3: Uneven surface, fitness and distance in the validation scenarios",
         caption="Of the best robot at the end of evolution, in mm, mean over runs with a 95% "
-        "bootstrap interval, and standard deviation. Ratio: mean distance over mean fitness. p: "
+        "interval, and standard deviation. Ratio: mean distance over mean fitness. p: "
         "Mann-Whitney U test, two-sided, against the non-sensing controller of the same body in "
         "the same scenario; corrected: by Holm, over the comparisons of this table. Broken robots: "
         "in evolution. In step, gravity pulls along x in the second half: who lets go of the "
@@ -179,13 +179,13 @@ def _validation(results: Results) -> Table:
             for (_, body, kind), value in UNEVEN_RATIO.items()
             if kind == controller and body in {at.body for at in own}
         ]
-        counted = ratios_above_one([results.by_condition[at] for at in own], float(sum(printed)))
+        counted = ratios_above_one([results.by_condition[at] for at in own], sum(printed))
         rows.append((controller, law, cases, counted))
     return Table(
         name="validation",
         title="Cases in which robots go further in validation than in evolution",
         caption="Uneven surface. A case is a body in a validation scenario; counted are those in "
-        "which the ratio of Table 5.3 is above 1, with a 95% interval from drawing the runs anew. "
+        "which the ratio of Table 5.3 is above 1. "
         "The thesis' numbers are those of the same bodies.",
         columns=("controller", "law", "cases", "ratio above 1"),
         rows=tuple(rows),

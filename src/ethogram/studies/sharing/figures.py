@@ -103,7 +103,7 @@ def _curves(results: Results, number: str, what: str, variable: str, quantity: s
         name=f"figure-{number.replace('.', '-')}",
         title=f"Figure {number}: {what} {quantity} over training",
         caption=f"Mean {quantity} over trials, each point an average over the episodes since "
-        "the last, with 95% bootstrap bands. Exploration continues during training.",
+        "the last, with 95% bands. Exploration continues during training.",
         alt=f"A panel per scenario and filling: {quantity} against training episodes "
         "for the four strategies.",
         columns=("strategy", "episode", "mean", "low", "high"),
@@ -118,7 +118,7 @@ def _displacement(results: Results) -> Figure:
         lambda data: (data["step"].values[:SHOWN], data["displacement"].values[:, :SHOWN]),
         name="figure-3-4",
         title="Figure 3.4: Displacement during the first steps of validation",
-        caption="Eq. 3.14, mean over trials with 95% bootstrap bands. 0 is an even split; all "
+        caption="Eq. 3.14, mean over trials with 95% bands. 0 is an even split; all "
         "agents on one of two resources, or nobody active, give the number of agents.",
         alt="A panel per scenario and filling: displacement over the first ten steps "
         "for the four strategies.",
@@ -171,7 +171,7 @@ def _communication(results: Results) -> Figure:
         name="figure-3-5",
         title="Figure 3.5: Communication and reward with optional communication",
         caption="Share of agents that speak (eq. 3.15) and mean reward (eq. 3.16) over the first "
-        "steps of validation, mean over trials with 95% bootstrap bands.",
+        "steps of validation, mean over trials with 95% bands.",
         alt="A panel per scenario and filling: average communication and average reward "
         "over the first ten steps.",
         columns=("quantity", "step", "mean", "low", "high"),

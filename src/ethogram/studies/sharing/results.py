@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from ethogram.studies.sharing.compute import SHOWN, inequality
+from ethogram.studies.sharing.earnings import Earnings, earnings
 from ethogram.studies.sharing.plan import (
     FILLINGS,
     SCENARIOS,
@@ -15,7 +16,7 @@ from ethogram.studies.sharing.plan import (
     Strategy,
 )
 from ethogram.studies.sharing.validation import ACTS
-from ethogram.studies.statistics import Trials
+from ethogram.studies.statistics import Support, Trials, bounded, support_of
 from ethogram.worlds.sharing.reward import Scenario
 
 END_OF_TRAINING = 0.1  # the last tenth of the episodes
@@ -23,6 +24,7 @@ CLOSE = 0.05  # of the agents: a displacement this near to another one counts as
 
 Records = Mapping[str, Mapping[str, xr.Dataset]]
 Measure = Callable[[xr.Dataset, Condition], np.ndarray]  # -> [trial]
+Size = Callable[[xr.Dataset], int]
 
 
 class Results(NamedTuple):
@@ -41,19 +43,33 @@ class Results(NamedTuple):
     def trials(self, measure: Measure, condition: Condition) -> Trials:
         """One number per trial of a condition, or word that it was not run."""
         data = self.by_condition.get(condition)
-        values = None if data is None else measure(data, condition).astype(float)
-        return Trials(condition.words, values)
+        if data is None:
+            return Trials(condition.words, None)
+        values = measure(data, condition).astype(float)
+        return Trials(condition.words, values, support_of(measure, data, condition))
+
+    def earnings(self, scenario: Scenario) -> Earnings:
+        """What agents can earn in a scenario, from random choices to the optimum; 0 if not run."""
+        for condition, data in self.by_condition.items():
+            if condition.scenario == scenario:
+                resources, steps = int(data.attrs["resources"]), data.sizes["step"]
+                return earnings(data["payoff"].values.astype(float), resources, steps)
+        return Earnings(0.0, 0.0)
 
     def largest_return(self, scenario: Scenario) -> float:
-        """What an agent can earn at most: in every step but the first, when nobody is active."""
+        """What a single agent can earn at most: in every step but the first."""
         return max(
             (
-                (data.sizes["step"] - 1) * data.attrs["largest_reward"]
+                _returns(data, condition).high
                 for condition, data in self.by_condition.items()
                 if condition.scenario == scenario
             ),
             default=0.0,
         )
+
+    def least(self, size: Size) -> int | None:
+        """The least number of something with which any condition was run; None without any."""
+        return min(map(size, self.by_condition.values()), default=None)
 
     @property
     def agents(self) -> int:
@@ -71,31 +87,78 @@ def conditions(
                 yield Condition(scenario, strategy, observed)
 
 
+def training_episodes(data: xr.Dataset) -> int:
+    """For how long agents were trained."""
+    return int(data["point"][-1])
+
+
+def validation_episodes(data: xr.Dataset) -> int:
+    """In how many episodes they were watched afterwards."""
+    return data.sizes["episode"]
+
+
+def episode_steps(data: xr.Dataset) -> int:
+    """How long an episode is."""
+    return data.sizes["step"]
+
+
+def _returns(data: xr.Dataset, _: Condition) -> Support:
+    """An agent earns the largest reward at most, in every step but the first."""
+    return Support(low=0.0, high=(data.sizes["step"] - 1) * data.attrs["largest_reward"])
+
+
+def _deviations(data: xr.Dataset, condition: Condition) -> Support:
+    """Half of the agents earn all that can be earned, half nothing."""
+    agents = max(2, data.attrs["agents"])
+    most = _returns(data, condition).high
+    return Support(low=0.0, high=most / 2 * (agents / (agents - 1)) ** 0.5)
+
+
+def _shares(_: xr.Dataset, __: Condition) -> Support:
+    return Support(low=0.0, high=1.0)
+
+
+def _displacements(data: xr.Dataset, _: Condition) -> Support:
+    agents, resources = data.attrs["agents"], data.attrs["resources"]
+    return Support(low=0.0, high=best_displacement(agents, resources, "cooperative"))
+
+
+def _steps_shown(data: xr.Dataset, _: Condition) -> Support:
+    """Nobody looks at what comes after the steps shown."""
+    return Support(low=2.0, high=2.0 + max(0, min(SHOWN, data.sizes["step"]) - 1), capped=True)
+
+
+@bounded(_returns)
 def training_return(data: xr.Dataset, _: Condition) -> np.ndarray:
     """J at the end of training (eq. 3.10)."""
     return _end_of_training(data["training_return"])
 
 
+@bounded(_deviations)
 def training_inequality(data: xr.Dataset, _: Condition) -> np.ndarray:
     """I at the end of training (eq. 3.11)."""
     return _end_of_training(data["training_inequality"])
 
 
+@bounded(_returns)
 def validation_return(data: xr.Dataset, _: Condition) -> np.ndarray:
     """J in validation."""
     return data["validation_return"].values.mean((1, 2))
 
 
+@bounded(_deviations)
 def validation_inequality(data: xr.Dataset, _: Condition) -> np.ndarray:
     """I in validation, averaged over episodes."""
     return inequality(data["validation_return"].values).mean(1)
 
 
+@bounded(_returns)
 def best_return(data: xr.Dataset, _: Condition) -> np.ndarray:
     """The highest individual return of any agent in any validation episode (Table 3.2)."""
     return data["validation_return"].values.max((1, 2))
 
 
+@bounded(_displacements)
 def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
     """How far the displacement at step 10 is from its later mean; undefined without one."""
     displacement = data["displacement"].values
@@ -105,11 +168,12 @@ def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
     return np.abs(displacement[:, SHOWN - 1] - later.mean(1))
 
 
+@bounded(_steps_shown)
 def steps_to_optimum(data: xr.Dataset, condition: Condition) -> np.ndarray:
     """The first step from which, up to step 10, the displacement stays close to the optimum.
 
     Counted from step 2, since nobody can be active at step 1; 11 where it never is; undefined
-    in episodes of one step.
+    in episodes of one step.  It is 11 as well for whoever comes there later: a cap.
     """
     best = best_displacement(data.attrs["agents"], data.attrs["resources"], condition.scenario)
     shown = data["displacement"].values[:, 1:SHOWN]
@@ -120,16 +184,19 @@ def steps_to_optimum(data: xr.Dataset, condition: Condition) -> np.ndarray:
     return np.where(staying.any(1), 2 + staying.argmax(1), 2 + shown.shape[1])
 
 
+@bounded(_shares)
 def early_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
     """Share of agents that speak, in steps 1 and 2 (eq. 3.15)."""
     return data["communication"].values[:, :2].mean(1)
 
 
+@bounded(_shares)
 def middle_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
     """Share of agents that speak, in steps 3 to 8."""
     return _mean_of_steps(data["communication"], 2, SHOWN - 2)
 
 
+@bounded(_shares)
 def late_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
     """Share of agents that speak, in steps 9 and 10."""
     return _mean_of_steps(data["communication"], SHOWN - 2, SHOWN)
@@ -138,6 +205,7 @@ def late_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
 def share_of_act(act: str) -> Measure:
     """Share of agents that do one of `ACTS`, over the first ten steps."""
 
+    @bounded(_shares)
     def measure(data: xr.Dataset, _: Condition) -> np.ndarray:
         return data["acts"].values[:, :SHOWN, ACTS.index(act)].mean(1)
 
