@@ -18,37 +18,34 @@ _NAMESPACE = "http://www.w3.org/2000/svg"
 _REFERENCE = re.compile(r"(?<=url\(#)[^)]+")
 
 # Static content: no scripts, no style sheets, no animation, no HTML, no links, no filters.
-_ELEMENTS = frozenset(
-    "circle clipPath defs desc ellipse g image line linearGradient marker mask path pattern polygon "
-    "polyline radialGradient rect stop svg symbol text textPath title tspan use".split()
-)
+_DRAWN = """
+    circle clipPath defs desc ellipse g image line linearGradient marker mask path pattern polygon
+    polyline radialGradient rect stop svg symbol text textPath title tspan use
+"""
+_SHARED = """
+    alignment-baseline baseline-shift clip-path clip-rule color direction display dominant-baseline
+    fill fill-opacity fill-rule font font-family font-size font-stretch font-style font-variant
+    font-weight image-rendering letter-spacing marker-end marker-mid marker-start mask
+    mix-blend-mode opacity paint-order shape-rendering stop-color stop-opacity stroke
+    stroke-dasharray stroke-dashoffset stroke-linecap stroke-linejoin stroke-miterlimit
+    stroke-opacity stroke-width text-anchor text-decoration text-rendering vector-effect visibility
+    white-space word-spacing writing-mode
+"""
+_OWN = """
+    clipPathUnits cx cy d dx dy fx fy gradientTransform gradientUnits height id lengthAdjust
+    markerHeight markerUnits markerWidth maskContentUnits maskUnits offset orient pathLength
+    patternContentUnits patternTransform patternUnits points preserveAspectRatio r refX refY rotate
+    rx ry spreadMethod startOffset textLength version viewBox width x x1 x2 y y1 y2
+"""
+_FUNCTIONS = "rgb rgba hsl hsla calc matrix rotate scale scalex scaley skewx skewy translate "
+_FUNCTIONS += "translatex translatey"
+_ELEMENTS = frozenset(_DRAWN.split())
 _RENAMED = {"a": "g", "switch": "g"}  # what they hold is drawn, without what they do
-_PROPERTIES = frozenset(  # which CSS and attributes share
-    "clip-path clip-rule color dominant-baseline alignment-baseline baseline-shift direction display "
-    "fill fill-opacity fill-rule font font-family font-size font-stretch font-style font-variant "
-    "font-weight image-rendering letter-spacing marker-end marker-mid marker-start mask "
-    "mix-blend-mode opacity paint-order shape-rendering stop-color stop-opacity stroke "
-    "stroke-dasharray stroke-dashoffset stroke-linecap stroke-linejoin stroke-miterlimit "
-    "stroke-opacity stroke-width text-anchor text-decoration text-rendering "
-    "vector-effect visibility white-space word-spacing writing-mode".split()
-)
+_PROPERTIES = frozenset(_SHARED.split())  # of styles and of elements
 _PLACING = frozenset(("transform", "transform-origin"))  # but of the whole: it stays in its place
-_ATTRIBUTES = (
-    _PROPERTIES
-    | _PLACING
-    | frozenset(
-        "clipPathUnits cx cy d dx dy fx fy gradientTransform gradientUnits height id lengthAdjust "
-        "markerHeight markerUnits markerWidth maskContentUnits maskUnits offset orient pathLength "
-        "patternContentUnits patternTransform patternUnits points preserveAspectRatio r refX refY "
-        "rotate rx ry spreadMethod startOffset textLength version viewBox width x x1 x2 y y1 y2".split()
-    )
-)
-# No function may fetch, and no escape may spell the name of one that does.
+_ATTRIBUTES = _PROPERTIES | _PLACING | frozenset(_OWN.split())
+_HARMLESS = frozenset(_FUNCTIONS.split())  # others may fetch, and an escape may spell their names
 _FUNCTION = re.compile(r"([\w-]*)\s*\(\s*([^)]*)")
-_HARMLESS = frozenset(
-    "rgb rgba hsl hsla calc matrix translate translatex translatey scale scalex scaley rotate skewx "
-    "skewy".split()
-)
 _PIXELS = re.compile(r"data:image/(png|jpeg|gif|webp);base64,[A-Za-z0-9+/=\s]*")
 _WIDTH = re.compile(r"(\d+(?:\.\d+)?)(pt|px|in)?")
 _POINTS = {"pt": 1.0, "in": 72.0, "px": 0.75, None: 0.75}
@@ -137,7 +134,7 @@ def _drawing_attributes(element: ET.Element) -> list[tuple[str, str]]:
                 element.tag == "image" and _PIXELS.fullmatch(value) is not None
             )
         elif key == "style":
-            value = _style(value)  # noqa: PLW2901
+            value = _style(value)
             allowed = bool(value)
         else:
             allowed = key in _ATTRIBUTES and (key == "id" or _is_harmless(value))

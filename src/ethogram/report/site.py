@@ -20,22 +20,27 @@ from ethogram.report.page import StudyPage
 from ethogram.report.replay import Replay, packed
 
 INDEX = "index.html"
+SCENES = Markup("<scenes/>")  # stands for them until it is known how much room they have
 MOST_REPLAYS = 10  # of a page; all others are a command away
+PAGE_BYTES = 10_000_000  # of a page, unless asked otherwise: replays have what the rest leaves
 PAGES = "report"  # apart from the store's folders, which may stand beside it
 
 
-def write(folder: Path, pages: Sequence[StudyPage]) -> Path:
-    """Write the report on `pages` into `folder`, in place of an earlier one; returns its index."""
+def write(folder: Path, pages: Sequence[StudyPage], *, page_bytes: int = PAGE_BYTES) -> Path:
+    """Write the report on `pages` into `folder`, in place of an earlier one; returns its index.
+
+    Where a page would be larger than `page_bytes`, its replays lose frames and say so.
+    """
     _refuse_twins("studies", [page.name for page in pages])
     files: dict[str, str] = {}
     for page in pages:
-        files |= dict(_study_files(page))
+        files |= dict(_study_files(page, page_bytes))
     files[INDEX] = _render("index.html", pages=pages, root="")
     publish(folder, files)
     return folder / INDEX
 
 
-def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
+def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
     """The data of the page, then the page, so that its links always lead somewhere."""
     _refuse_twins(
         f"tables and figures of study {page.name!r}",
@@ -50,29 +55,32 @@ def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
         yield f"{data}/{slug(figure.name)}.svg", picture
     shared = {"page": page, "data": slug(page.name), "root": "../"}
     yield f"{data}.md", _render("study.md", **shared)
-    yield f"{data}.html", _render("study.html", **shared, **_player(page.replays))
+    yield f"{data}.html", _played("study.html", page.replays, page_bytes, **shared)
 
 
-def write_replay(file: Path, study: str, replays: Sequence[Replay]) -> None:
+def write_replay(
+    file: Path, study: str, replays: Sequence[Replay], *, page_bytes: int = PAGE_BYTES
+) -> None:
     """Write a page of replays, which can be sent to others as it is.
+
+    Where it would be larger than `page_bytes`, they lose frames and say so.
 
     Raises:
         EthogramError: the file cannot be written, or is there and is no page of ours.
 
     """
-    publish_one(file, replay_page(study, replays))
+    publish_one(file, replay_page(study, replays, page_bytes))
 
 
-def replay_page(study: str | None, replays: Sequence[Replay]) -> str:
+def replay_page(study: str | None, replays: Sequence[Replay], page_bytes: int = PAGE_BYTES) -> str:
     """A page of its own, on which replays can be played; the first one gives it its title.
 
     Replays that are of no study stand alone on it, for a frame in another page.
     """
     first = replays[0]
     title = first.name if first.scene is None else first.scene.title
-    shown = _player(replays)
     template = "notebook.html" if study is None else "replay.html"
-    return _render(template, study=study, title=title, root="../", **shown)
+    return _played(template, replays, page_bytes, study=study, title=title, root="../")
 
 
 def write_comparison(file: Path, comparison: Comparison) -> None:
@@ -85,17 +93,21 @@ def write_comparison(file: Path, comparison: Comparison) -> None:
     publish_one(file, _render("compare.html", comparison=comparison, root=""))
 
 
-def _player(replays: Sequence[Replay]) -> dict[str, object]:
-    """Scenes and what shows them; a page without scenes has no script at all."""
+def _played(template: str, replays: Sequence[Replay], page_bytes: int, **values: object) -> str:
+    """A page with replays and what plays them; one without any has no script at all."""
     shown = _spread(replays)
     script = _script(solid=any(replay.solid for replay in shown)) if shown else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return {
-        "replays": Markup(packed(shown)) if shown else "",  # safe in a script element
-        "left_out": len(replays) - len(shown),
-        "player": Markup(script),
-        "player_hash": f"sha256-{digest}",
-    }
+    page = _render(
+        template,
+        replays=SCENES if shown else "",
+        left_out=len(replays) - len(shown),
+        player=Markup(script),
+        player_hash=f"sha256-{digest}",
+        **values,
+    )
+    room = page_bytes - len(page.encode(errors="replace"))
+    return page.replace(SCENES, packed(shown, room)) if shown else page
 
 
 def _spread(replays: Sequence[Replay]) -> list[Replay]:
@@ -113,7 +125,7 @@ def _script(*, solid: bool) -> str:
     """The player, with the library that draws in space, and its licence, where it is needed."""
     licence = f"/*!\n{_part('vendor/three.LICENSE')}*/" if solid else ""
     files = ("vendor/three.js", "templates/space.js") if solid else ()
-    ours = ("templates/plane.js", "templates/replay.js")
+    ours = ("templates/plane.js", "templates/chart.js", "templates/replay.js")
     return "\n".join(['"use strict";', licence, *map(_part, (*files, *ours))])
 
 
