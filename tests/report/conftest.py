@@ -204,8 +204,10 @@ def open_tab(browser: Browser) -> Iterator[Callable[..., Page]]:
     """A new tab with the given screen, closed after the test."""
     contexts = []
 
-    def new(width: int = 1280, **settings: Any) -> Page:
-        contexts.append(browser.new_context(viewport={"width": width, "height": 900}, **settings))
+    def new(width: int = 1280, height: int = 900, **settings: Any) -> Page:
+        contexts.append(
+            browser.new_context(viewport={"width": width, "height": height}, **settings)
+        )
         return contexts[-1].new_page()
 
     yield new

@@ -92,6 +92,14 @@ ReplayTrial = Annotated[
         help="Trial to show, from 1; by default all that were recorded, in a film the first."
     ),
 ]
+PageSize = Annotated[
+    float,
+    Parameter(
+        name="--page-size",
+        help="Megabytes that a page takes at most; where there is more to replay, frames are left "
+        "out, and the page says so.",
+    ),
+]
 FolderA = Annotated[Path, Parameter(help="Folder of the one run's results.")]
 FolderB = Annotated[Path, Parameter(help="Folder of the other run's results.")]
 CompareOut = Annotated[
@@ -167,12 +175,14 @@ def run(
 
 
 @app.command
-def report(folder: Folder, /) -> int:
+def report(folder: Folder, /, *, page_size: PageSize = 10.0) -> int:
     """Write the report on a folder of results, from what is stored there."""
-    from ethogram.report import write
+    from ethogram.report import page_bytes, write
 
+    most = page_bytes(page_size)
     found = collected_in(folder)
-    index = write(folder, [page_of(study, collected) for study, collected in found])
+    pages = [page_of(study, collected) for study, collected in found]
+    index = write(folder, pages, page_bytes=most)
     print(index)
     return FAILED if any(collected.damages for _, collected in found) else DONE
 
@@ -187,10 +197,11 @@ def replay(
     out: ReplayOut = None,
     format_: ReplayFormat = None,
     trial: ReplayTrial = None,
+    page_size: PageSize = 10.0,
     show: Show = True,
 ) -> None:
     """Show the recorded scene of a case, as a page that needs no network or as a film."""
-    from ethogram.report import write_replay
+    from ethogram.report import page_bytes, write_replay
     from ethogram.report.film import write_film
     from ethogram.report.site import slug
 
@@ -210,7 +221,8 @@ def replay(
     file = out or folder / "report" / f"{slug(study)}-{slug(case)}{which}.{written}"
     shown = trials[trial or min(trials)]
     if written == "html":
-        write_replay(file, study, list(trials.values()) if trial is None else [shown])
+        replays = list(trials.values()) if trial is None else [shown]
+        write_replay(file, study, replays, page_bytes=page_bytes(page_size))
     elif shown.scene is None:
         raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.trouble}.")
     else:

@@ -57,7 +57,7 @@ def packed(replays: Sequence[Replay], room: float = math.inf) -> str:
 
 def _share(sizes: Sequence[int], room: float) -> float:
     """How long a text may be so that all together have room: what short ones leave is shared."""
-    left, room = len(sizes), room - 2 * len(sizes) - 2  # brackets and commas
+    left, room = len(sizes), room - 2 * len(sizes)  # brackets and commas
     limit = room
     for size in sorted(sizes):
         limit = room / left

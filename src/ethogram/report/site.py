@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -24,6 +25,18 @@ SCENES = Markup("<scenes/>")  # stands for them until it is known how much room 
 MOST_REPLAYS = 10  # of a page; all others are a command away
 PAGE_BYTES = 10_000_000  # of a page, unless asked otherwise: replays have what the rest leaves
 PAGES = "report"  # apart from the store's folders, which may stand beside it
+
+
+def page_bytes(megabytes: float) -> int:
+    """How many bytes a page may take.
+
+    Raises:
+        EthogramError: not a number above 0.
+
+    """
+    if not 0 < megabytes < math.inf:
+        raise EthogramError(f"A page cannot take {megabytes} MB; allowed: a number above 0.")
+    return round(1_000_000 * megabytes)
 
 
 def write(folder: Path, pages: Sequence[StudyPage], *, page_bytes: int = PAGE_BYTES) -> Path:

@@ -1,11 +1,11 @@
-// Plots what scenes recorded against time, each line in a look of its own, and marks the moment
+// Plots what scenes recorded against frames, each line in a look of its own, and marks the moment
 // that is shown. Its colours are none of those that a scene's tints have.
 function chartOf(canvas, key, theme) {
   const COLOURS = ["#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b"];
   const DASHES = [["solid", []], ["dashed", [6, 3]], ["dotted", [2, 2]]];
   const MOST = 12; // lines of one series that are told apart
   const LEFT = 44, RIGHT = 10, TOP = 8, BOTTOM = 26, EVERY = 70; // px; between marks on the axis
-  let lines = [], frames = 0, seconds = 1, sheet = null;
+  let lines = [], frames = 0, sheet = null;
 
   const look = line => ({
     colour: COLOURS[line % COLOURS.length],
@@ -33,7 +33,6 @@ function chartOf(canvas, key, theme) {
   // All lines of one scene, or the first of each of several.
   function show(cast, length, laneColour, titled) {
     frames = length;
-    seconds = cast[0]?.scene.seconds ?? 1;
     lines = cast.length === 1 ? linesOf(cast[0]) : cast.flatMap((each, lane) =>
       linesOf(each).slice(0, 1).map(line => ({
         ...line, colour: laneColour(lane), dash: DASHES[0], name: `${line.name}, ${titled(each.scene)}`,
@@ -111,23 +110,21 @@ function chartOf(canvas, key, theme) {
     pen.setLineDash([]);
   }
 
-  // Seconds, at round numbers: as the clock beneath has them.
+  // Frames, at round numbers.
   function drawAxis(pen, x, bottom, width) {
     pen.strokeStyle = theme().muted;
     pen.lineWidth = 1;
     pen.beginPath();
     pen.moveTo(x(0), bottom + 0.5);
     pen.lineTo(width - RIGHT, bottom + 0.5);
-    const long = Math.max(frames - 1, 1) * seconds, least = long * EVERY / (width - LEFT - RIGHT);
+    const least = Math.max(1, (frames - 1) * EVERY / (width - LEFT - RIGHT));
     const ten = 10 ** Math.floor(Math.log10(least));
     const step = ten * [1, 2, 5, 10].find(each => ten * each >= least);
     pen.textAlign = "center";
-    for (let mark = 0; mark * step <= long * (1 + 1e-9); mark++) {
-      const at = x(mark * step / seconds);
-      pen.moveTo(at, bottom);
-      pen.lineTo(at, bottom + 4);
-      const words = `${+(mark * step).toPrecision(6)}`;
-      pen.fillText(mark ? words : `${words} s`, at, bottom + 14);
+    for (let mark = 0; mark < frames; mark += step) {
+      pen.moveTo(x(mark), bottom);
+      pen.lineTo(x(mark), bottom + 4);
+      pen.fillText(mark ? mark : "frame 0", x(mark), bottom + 14);
     }
     pen.stroke();
   }

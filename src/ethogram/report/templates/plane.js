@@ -58,7 +58,9 @@ function planeStage(canvas, colour, theme) {
     if (!label) return;
     const inside = kind === "circle" && pen.measureText(label).width < 2 * radius;
     pen.fillStyle = inside ? "#ffffff" : theme().ink;
-    pen.fillText(label, x, inside || kind === "text" ? y : y - radius - 9);
+    // a square's is below it: above stand words, and what is on the square
+    const away = inside || kind === "text" ? 0 : kind === "square" ? radius + 9 : -radius - 9;
+    pen.fillText(label, x, y + away);
   }
 
   const radiusOf = (unit, shape, first) =>
@@ -115,7 +117,7 @@ function planeStage(canvas, colour, theme) {
       pen.fill();
       return;
     }
-    const [left, top, right, bottom] = box;
+    const [left, top, right, bottom] = box.map(Math.round);
     if (bottom < y - radius - HIGH) {
       pen.beginPath();
       pen.moveTo(x, y - radius);
