@@ -7,17 +7,23 @@ from dataclasses import dataclass
 from typing import Literal
 
 Verdict = Literal["confirmed", "refuted", "undecided", "not run"]
+Bounds = Literal["interval", "range"]  # of 95%; of the trials themselves
 Side = Literal["at least", "more than", "at most", "less than", "within"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A measured number with its interval, beside the published one where there is one."""
+    """A measured number with its interval, beside the published one where there is one.
+
+    Where an interval would say nothing, `low` and `high` are the smallest and the largest trial:
+    `bounds` is then "range", which speaks for no other trials and marks nothing.
+    """
 
     value: float
     low: float | None = None
     high: float | None = None
     published: float | None = None
+    bounds: Bounds = "interval"
 
 
 Cell = str | int | float | Measured | None
