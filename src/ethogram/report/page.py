@@ -8,6 +8,7 @@ from typing import Any, get_args
 from ethogram.core.findings import Claim, Figure, Table, Verdict
 from ethogram.report.replay import Replay
 
+TRIAL_RUN = "smoke"  # the plan that only shows that everything works
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
@@ -34,6 +35,11 @@ class StudyPage:
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
     replays: Sequence[Replay] = ()
+
+    @property
+    def comparable(self) -> bool:
+        """Whether its numbers may be held against published ones."""
+        return self.plan != TRIAL_RUN
 
     def tally(self) -> dict[Verdict, int]:
         """How many claims got each verdict, zeros included."""
