@@ -38,7 +38,8 @@ def test_a_difference_is_marked_where_the_interval_leaves_the_published_value_ou
 @pytest.mark.parametrize(
     ("cell", "shown"),
     [
-        (Measured(value=1.53, low=1.4, high=1.7, published=2), ["1.5", "[1.4, 1.7]", "2", "\u22120.5"]),
+        (Measured(value=1.53, low=1.4, high=1.7, published=2),
+         ["1.5", "[1.4, 1.7]", "2", "\u22120.5"]),
         (Measured(value=98.982, low=98.976, high=98.988, published=99.0),
          ["98.98", "[98.98, 98.99]", "99.0", "\u22120.02"]),
     ],

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ethogram.core.errors import EthogramError
-from ethogram.report import drawings, tables, wording
+from ethogram.report import drawings, margins, tables, wording
 from ethogram.report.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
@@ -191,6 +191,9 @@ def _environment() -> Environment:
         "lay_out": tables.lay_out,
         "inlined": _inlined,
         "effect": wording.effect,
+        "claimed": margins.claimed,
+        "margin_line": margins.line,
+        "stated": wording.stated,
         "dotted": wording.dotted,
         "pages_folder": PAGES,
     }
