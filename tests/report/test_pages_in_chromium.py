@@ -196,6 +196,46 @@ def test_a_claim_that_was_not_run_shows_no_effect(
     page.goto(url(folder))
     assert page.locator("#claim-9 .finding").inner_text().strip() == "not run"
     assert "0.123 reward per step" in page.locator("#claim-1 .finding").inner_text()
+    assert page.locator(".margin").count() == 8  # one where there is an effect
+
+
+def test_a_claim_shows_its_margin_and_its_history(
+    folder: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    finding = page.locator("#claim-2 .finding")
+    assert "claimed: more than 0.50 reward per step" in finding.inner_text()
+    line = finding.locator(".margin")
+    assert line.get_attribute("aria-label") == (
+        "Claimed: more than 0.50 reward per step. Effect: 0.247 reward per step [0.216, 0.278]."
+    )
+    assert len(np.unique(pixels(line).reshape(-1, 3), axis=0)) > 5
+    said = " ".join(page.locator("#claim-2 dl").inner_text().split())
+    assert "Changed 2026-11-05: A lead must exist to be larger. Why: Without one" in said
+    assert "Known by then: A first run of all conditions." in said
+    assert "J in validation: undecided" in said
+    above = page.locator("#section-claims + p").inner_text()
+    assert above.startswith("Each was stated before the run")
+    assert "Claim 2: its test has changed since" in above
+    assert "2026-11-01" in page.locator("#claim-1 dl").inner_text()
+
+
+def test_a_page_opens_with_what_it_is_about(folder: Path, open_tab: Callable[..., Page]) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    opening = " ".join(page.locator("header.title").inner_text().split())
+    for words in (
+        "Ten agents share two",
+        "J return, mean over agents",
+        "A. Author, A thesis, 2020",
+    ):
+        assert words in opening
+    top = page.locator(".symbols").bounding_box()
+    first = page.locator("#claim-1").bounding_box()
+    assert top is not None
+    assert first is not None
+    assert top["y"] < first["y"]
 
 
 def test_what_is_missing_or_failed_is_said_first(

@@ -53,6 +53,7 @@ def page_of(study: "Study", collected: "Collected") -> "StudyPage":
 
 def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
     """A page without what takes time to draw."""
+    from ethogram.campaign.study import introduction_of
     from ethogram.report import StudyPage
 
     planned, manifests, records = collected.planned, collected.manifests, collected.records
@@ -60,6 +61,7 @@ def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
         name=study.NAME,
         title=study.TITLE,
         question=study.QUESTION,
+        introduction=introduction_of(study),
         plan=planned.plan,
         plan_description=planned.description,
         trials=planned.trials,

@@ -7,6 +7,7 @@ in space are drawn by `bodies`.
 
 import math
 from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -17,8 +18,10 @@ from ethogram.core.scene import Scene
 from ethogram.report import bodies
 from ethogram.report.pen import INK, MUTED, PAPER, RULE, Pen, colour, fitted, measure
 from ethogram.report.speech import HIGH, Speaker, boxes
+from ethogram.report.vector import VectorPen
 
 WIDTH, NARROWEST = 640, 100  # pixels of a picture
+STILL = 480  # of one that a page scales: its letters are to be read on a phone
 MARGIN = 8
 LINE = 18  # height of a line of text
 CHART = 92
@@ -28,6 +31,9 @@ IN_SPACE = 16 / 9  # width over height of a scene in space
 AXIS = 52  # room for numbers left of the chart
 EVERY = 70  # between marks on the axis below it, at least
 LINES = ("#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b")  # none is a tint's
+
+
+AnyPen = TypeVar("AnyPen", Pen, VectorPen)
 
 
 def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
@@ -48,7 +54,7 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
         raise EthogramError(f"A picture {width} pixels wide is too narrow: {NARROWEST} or more.")
     width -= width % 2
     room = width - 2 * MARGIN
-    stage = _stage(scene, frame, room)
+    stage = _stage(scene, frame, room, Pen)
     legend = _legend(scene, room)
     chart = CHART if any(lines.shape[1] for lines in scene.series.values()) else 0
     height = MARGIN + LINE + stage.height + LINE + 4 + chart + LINE * len(legend) + MARGIN
@@ -63,14 +69,41 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
         plot = Pen(room, chart)
         _plot(plot, scene, frame)
         sheet.paste(plot, (MARGIN, y))
-    y += chart + LINE // 2
-    for row in legend:
+    _write_legend(sheet, legend, y + chart + LINE // 2)
+    return sheet.picture()
+
+
+def still(scene: Scene, frame: int, *, width: int = STILL) -> str:
+    """One frame and what its colours mean as an SVG element, without title, caption and chart.
+
+    Args:
+        scene: in the plane or in space.
+        frame: which, from 0.
+        width: of the drawing (pixels).
+
+    Raises:
+        EthogramError: there is no such frame.
+
+    """
+    if not 0 <= frame < len(scene.tint):
+        raise EthogramError(f"Scene {scene.title!r} has no frame {frame}.")
+    stage = _stage(scene, frame, width - 2 * MARGIN, VectorPen)
+    legend = _legend(scene, width - 2 * MARGIN)
+    sheet = VectorPen(width, MARGIN + stage.height + LINE * len(legend) + MARGIN)
+    sheet.paste(stage, (MARGIN, MARGIN))
+    _write_legend(sheet, legend, MARGIN + stage.height + LINE // 2 + 2)
+    return sheet.svg()
+
+
+def _write_legend(
+    sheet: Pen | VectorPen, legend: list[list[tuple[float, str, str]]], y: float
+) -> None:
+    for at, row in enumerate(legend):
+        middle = y + LINE * at
         for x, look, meaning in row:
             left = MARGIN + x
-            sheet.box(((left, y - 5), (left + 10, y + 5)), look)
-            sheet.text((left + 15, y), meaning, SMALL, INK, anchor="lm")
-        y += LINE
-    return sheet.picture()
+            sheet.box(((left, middle - 5), (left + 10, middle + 5)), look)
+            sheet.text((left + 15, middle), meaning, SMALL, INK, anchor="lm")
 
 
 def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
@@ -83,17 +116,17 @@ def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
     sheet.text((MARGIN, y), caption, TEXT, INK, anchor="lm")
 
 
-def _stage(scene: Scene, frame: int, width: int) -> Pen:
+def _stage(scene: Scene, frame: int, width: int, pen: type[AnyPen]) -> AnyPen:
     """The scene itself, framed."""
     if scene.position.shape[2] == 3:
-        stage = Pen(width, round(width / IN_SPACE))
+        stage = pen(width, round(width / IN_SPACE))
         places = bodies.draw(stage, scene, frame)
         for shape in _visible(scene, frame, places):
             _draw_label(stage, scene, shape, places[shape])
     else:
         left, bottom, right, top = scene.bounds
         ratio = (right - left) / max(top - bottom, 1e-9)
-        stage = Pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
+        stage = pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
         places = _places(stage, scene, frame)
         _draw_plane(stage, scene, frame, places)
     _draw_words(stage, scene, frame, places)
@@ -101,7 +134,7 @@ def _stage(scene: Scene, frame: int, width: int) -> Pen:
     return stage
 
 
-def _places(stage: Pen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+def _places(stage: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
     """Where the shapes are: x, y and radius in pixels, the same scale on both axes."""
     left, bottom, right, top = scene.bounds
     across, up = max(right - left, 1e-9), max(top - bottom, 1e-9)
@@ -123,7 +156,9 @@ def _visible(scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> 
     return np.flatnonzero((scene.tint[frame] >= 0) & np.isfinite(places).all(1)).tolist()
 
 
-def _draw_plane(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
+def _draw_plane(
+    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+) -> None:
     visible = _visible(scene, frame, places)
     for link in scene.links:
         if set(link) <= set(visible):
@@ -144,7 +179,9 @@ def _draw_plane(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, 
         _draw_label(stage, scene, shape, places[shape])
 
 
-def _draw_label(stage: Pen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]) -> None:
+def _draw_label(
+    stage: Pen | VectorPen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]
+) -> None:
     """Within a circle where there is room, else above it.
 
     A square's is below it: above are words, and what stands on the square.
@@ -161,7 +198,9 @@ def _draw_label(stage: Pen, scene: Scene, shape: int, place: Float[np.ndarray, "
     stage.text((x, y), shown, size, PAPER if inside else INK, halo=not inside)
 
 
-def _draw_words(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
+def _draw_words(
+    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+) -> None:
     """What shapes say, beside them; where there is no room, a dot tells that they say something."""
     if scene.said is None:
         return
@@ -173,7 +212,7 @@ def _draw_words(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, 
     ]
     words = [_word(scene, frame, shape, stage.width) for shape in heard]
     speakers = [
-        Speaker(*places[shape].tolist(), wide=measure(word, WORD) + 8 if word else 0.0)
+        Speaker._make((*places[shape].tolist(), measure(word, WORD) + 8 if word else 0.0))
         for shape, word in zip(heard, words, strict=True)
     ]
     found = boxes(speakers, stage.width, stage.height)
@@ -213,8 +252,8 @@ def _plot(chart: Pen, scene: Scene, frame: int) -> None:
         chart.line([(x[mark], bottom), (x[mark], bottom + 4)], MUTED)
         words = str(mark) if mark else "frame 0"
         chart.text((x[mark], bottom + 12), words, SMALL, MUTED)
-    for place, name, look in _series_names(scene, chart.width - AXIS - 8):
-        chart.text((AXIS + 4 + place, 8), name, SMALL, look, anchor="lm")
+    for away, name, look in _series_names(scene, chart.width - AXIS - 8):
+        chart.text((AXIS + 4 + away, 8), name, SMALL, look, anchor="lm")
     for line in range(lines.shape[1]):
         at = known[:, line]
         if at.sum() > 1:
@@ -225,8 +264,9 @@ def _plot(chart: Pen, scene: Scene, frame: int) -> None:
 def _marks(frames: int, room: float) -> range:
     """Round numbers of frames, not too near to each other."""
     least = max(1.0, (frames - 1) * EVERY / room)
-    ten = 10 ** math.floor(math.log10(least))
-    return range(0, frames, next(ten * each for each in (1, 2, 5, 10) if ten * each >= least))
+    ten = int(10.0 ** math.floor(math.log10(least)))
+    step = next(ten * each for each in (1, 2, 5, 10) if ten * each >= least)
+    return range(0, frames, step)
 
 
 def _line_colour(line: int) -> str:

@@ -18,9 +18,11 @@ from ethogram.report import drawings, margins, tables, wording
 from ethogram.report.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
+from ethogram.report.pictures import still
 from ethogram.report.replay import Replay, packed
 
 INDEX = "index.html"
+OPENING = "opening"  # the picture that a study's page opens with
 SCENES = Markup("<scenes/>")  # stands for them until it is known how much room they have
 MOST_REPLAYS = 10  # of a page; all others are a command away
 PAGE_BYTES = 10_000_000  # of a page, unless asked otherwise: replays have what the rest leaves
@@ -57,18 +59,32 @@ def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
     """The data of the page, then the page, so that its links always lead somewhere."""
     _refuse_twins(
         f"tables and figures of study {page.name!r}",
-        [table.name for table in page.tables] + [figure.name for figure in page.figures],
+        [
+            *(table.name for table in page.tables),
+            *(figure.name for figure in page.figures),
+            *([OPENING] if page.opening else []),
+        ],
     )
     data = f"{PAGES}/{slug(page.name)}"
+    picture = _opening(page)
+    if picture:
+        alone = drawings.alone(picture["svg"], name=OPENING, alt=picture["caption"])
+        yield f"{data}/{OPENING}.svg", alone
     for table in page.tables:
         yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
     for figure in page.figures:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
-        picture = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
-        yield f"{data}/{slug(figure.name)}.svg", picture
-    shared = {"page": page, "data": slug(page.name), "root": "../"}
+        alone = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        yield f"{data}/{slug(figure.name)}.svg", alone
+    shared = {"page": page, "data": slug(page.name), "root": "../", "picture": picture}
     yield f"{data}.md", _render("study.md", **shared)
     yield f"{data}.html", _played("study.html", page.replays, page_bytes, **shared)
+
+
+def _opening(page: StudyPage) -> dict[str, str]:
+    """The picture that a page opens with, drawn, and what is to be seen."""
+    found = page.opening
+    return {"svg": still(found.scene, found.frame), "caption": found.caption} if found else {}
 
 
 def write_replay(
