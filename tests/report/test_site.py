@@ -97,10 +97,8 @@ def test_a_table_and_a_figure_with_one_name_are_refused(tmp_path: Path, sharing:
 def test_a_study_opens_with_the_picture_it_names_or_with_its_first_scene(
     tmp_path: Path, sharing: StudyPage
 ) -> None:
-    scenes = {
-        name: crossing(position=crossing().position - at)
-        for at, name in enumerate(("first", "second"))
-    }
+    there = crossing().position
+    scenes = {"first": crossing(position=there), "second": crossing(position=there - 1)}
     replays = [Replay(name=name, scene=scene) for name, scene in scenes.items()]
     named = replace(sharing, replays=replays, figures=[], tables=[])
     assert named.opening is not None
@@ -112,8 +110,8 @@ def test_a_study_opens_with_the_picture_it_names_or_with_its_first_scene(
     assert replace(named, replays=[Replay(name="second", scene=None, trouble="no")]).opening is None
     write(tmp_path, [named])
     drawn = ET.parse(tmp_path / "report" / "sharing" / "opening.svg").getroot()
-    discs = [part for part in drawn.iter("{http://www.w3.org/2000/svg}circle")]
-    x, y = scenes["second"].position[7, 0]
+    discs = list(drawn.iter("{http://www.w3.org/2000/svg}circle"))
+    x = scenes["second"].position[7, 0, 0]
     room = float(drawn.get("width", "").removesuffix("px")) - 2 * MARGIN
     assert float(discs[-1].get("cx", "")) == pytest.approx(room * x / WIDTH, abs=0.1)
     assert discs[-1].get("fill") == "#0072b2"
