@@ -1,9 +1,11 @@
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
 from ethogram.report.drawings import alone, inlined
+from ethogram.studies.sensing.bodies_drawn import draw_bodies
 
 LINKED = (
     '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
@@ -107,3 +109,13 @@ def test_what_draws_is_kept_beside_what_does_not() -> None:
 def test_a_drawing_narrower_than_a_page_keeps_its_share_of_it(width: str, share: str) -> None:
     root = ET.fromstring(inlined(f'<svg width="{width}"/>', name="f", alt=""))
     assert root.get("style", "") == (f"--share: {share}" if share else "")
+
+
+def test_one_body_is_drawn_as_large_as_it_is_beside_others() -> None:
+    cells = np.array([(x, 0, 0) for x in range(4)])
+    shares = []
+    for count in (1, 4):
+        svg = draw_bodies({f"worm {number}": cells for number in range(count)})
+        root = ET.fromstring(inlined(svg, name="f", alt=""))
+        shares.append(root.get("style", ""))
+    assert shares == ["--share: 0.250", ""]

@@ -9,9 +9,19 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Locator, Page
+from tests.report.player import FRAMES, crossing
 
 from ethogram.core.findings import Claim, Measured, Table
-from ethogram.report import StudyPage, write
+from ethogram.core.introduction import Introduction
+from ethogram.core.scene import Shape
+from ethogram.report import (
+    Comparison,
+    Replay,
+    StudyPage,
+    compare_pages,
+    write,
+    write_comparison,
+)
 
 HOSTILE = (
     "<script>document.title='run'</script><img src=x onerror=alert(1)>"
@@ -127,6 +137,60 @@ def test_a_phone_scrolls_wide_things_in_their_own_box_and_never_the_page(
     if name == "sharing":
         wide = page.locator(".table .scroll").first
         assert wide.evaluate("box => box.scrollWidth > box.clientWidth")
+
+
+def test_names_without_a_break_do_not_make_a_phone_scroll_sideways(
+    tmp_path: Path, open_tab: Callable[..., Page], sharing: StudyPage
+) -> None:
+    long = "verylongnamewithoutanybreak" * 3
+    scene = crossing(
+        title=long,
+        palette=(long, long),
+        captions=(long,) * FRAMES,
+        chapters=tuple(f"{long}{frame // 9}" for frame in range(FRAMES)),
+        shapes=(Shape("circle", 0.8, long),),
+        words=(long,),
+        said=np.zeros((FRAMES, 1), int),
+        series={long: np.zeros((FRAMES, 2))},
+    )
+    claim = replace(
+        sharing.claims[0], statement=long, test=long, source=long, note=long, unit=long,
+        compared=long, depends_on=(long,),
+    )  # fmt: skip
+    table = Table(name=long, title=long, caption=long, columns=(long, "J"), rows=((long, 1.0),))
+    study = replace(
+        sharing, title=long, question=long, plan=long, plan_description=long, command=long,
+        settings={long: {f"{long}_a.b": long}}, versions={long: long}, failures=[(long, long)],
+        claims=[claim], tables=[table], figures=[replace(sharing.figures[-1], title=long)],
+        introduction=Introduction(text=long, source=long, symbols={long: long}, caption=long),
+        replays=[Replay(name=f"{number}-{long}", scene=scene) for number in range(2)],
+    )  # fmt: skip
+    index = write(tmp_path, [study])
+    compared = tmp_path / "compare.html"
+    pair = compare_pages(study, replace(study, settings={long: long}))
+    write_comparison(compared, Comparison(a=long, b=long, studies=[pair], only_a=[long]))
+    page = open_tab(width=390)
+    for file in (index, tmp_path / "report" / "sharing.html", compared):
+        page.goto(file.as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390, file.name
+
+
+def test_settings_break_between_words(folder: Path, open_tab: Callable[..., Page]) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    for cell in page.locator(".pairs td, .pairs th").all()[:40]:
+        words = cell.evaluate(
+            """cell => {
+              const text = cell.firstChild, range = document.createRange(), broken = []
+              for (const word of (text?.data ?? "").matchAll(/[^\\s.]+/g)) {
+                range.setStart(text, word.index)
+                range.setEnd(text, word.index + word[0].length)
+                if (range.getClientRects().length > 1) broken.push(word[0])
+              }
+              return broken
+            }"""
+        )
+        assert words == []
 
 
 def test_verdicts_differ_in_word_and_shape_not_only_in_colour(
