@@ -22,7 +22,8 @@ INTRODUCTION = Introduction(
         "silhouette": "how much nearer a run\u2019s behaviour is to its own kind of controller "
         "than to the other: 1 wholly, 0 not at all, negative: nearer to the other",
         "p": "of a Mann-Whitney U test: how often chance alone would part two conditions so far",
-        "n_gen, n_sim": "generations of an evolution, steps of a simulation",
+        "n_gen, n_pop, n_sim, p_mut": "generations and individuals of an evolution, steps of a "
+        "simulation, the probability that a parameter of a child mutates (Table 5.1)",
     },
     case="tripod-shrink_limited-even",
     frame=22,
