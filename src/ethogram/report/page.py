@@ -58,7 +58,7 @@ class StudyPage:
             return None
         named, scene = max(found, key=lambda each: each[0])  # the first of those
         frame = wanted.frame if named else len(scene.tint) // 3
-        caption = wanted.caption if named or not wanted.case else scene.title
+        caption = (wanted.caption if named or not wanted.case else "") or scene.title
         return Picture(scene=scene, frame=min(frame, len(scene.tint) - 1), caption=caption)
 
     @property

@@ -31,11 +31,11 @@ function chartOf(canvas, key, theme) {
   }
 
   // All lines of one scene, or the first of each of several.
-  function show(cast, length, laneColour, titled) {
+  function show(cast, length, laneColour) {
     frames = length;
     lines = cast.length === 1 ? linesOf(cast[0]) : cast.flatMap((each, lane) =>
       linesOf(each).slice(0, 1).map(line => ({
-        ...line, colour: laneColour(lane), dash: DASHES[0], name: `${line.name}, ${titled(each.scene)}`,
+        ...line, colour: laneColour(lane), dash: DASHES[0], name: `${each.mark}: ${line.name}`,
       })));
     canvas.hidden = key.hidden = lines.length === 0;
     const named = new Map(lines.map(line => [line.name, line]));

@@ -82,26 +82,26 @@ function planeStage(canvas, colour, theme) {
     said.sort((one, other) => one.y - other.y || one.x - other.x);
     for (const each of said) {
       const wide = Math.min(pen.measureText(each.word).width + 8, width);
-      const found = placesOf(each, wide, width, height)
-        .find(box => !taken.some(other => other[4] !== each.shape && meet(box, other)));
+      const found = placeFor(each, wide, width, height, taken);
       if (found) taken.push(found);
       drawWord(pen, each, found);
     }
   }
 
-  function placesOf({ x, y, radius }, wide, width, height) {
+  function placeFor({ x, y, radius, shape }, wide, width, height, taken) {
     const clear = radius + 3, half = HIGH / 2;
-    const box = (left, middle) => {
-      const at = Math.min(Math.max(left, 0), width - wide);
-      return [at, middle - half, at + wide, middle + half];
-    };
-    const up = level => box(x - wide / 2, y - clear - half - level * (HIGH + 2));
-    return [
-      up(0), box(x + clear, y), box(x - clear - wide, y), box(x - wide / 2, y + clear + half),
-      ...Array.from({ length: LEVELS }, (_, level) => up(level + 1)),
-    ].filter(([left, top, right, bottom]) =>
-      top >= 0 && bottom <= height && !meet([left, top, right, bottom],
-        [x - radius, y - radius, x + radius, y + radius]));
+    const itself = [x - radius, y - radius, x + radius, y + radius];
+    for (let turn = 0; turn < LEVELS + 4; turn++) {
+      const beside = turn === 1 || turn === 2, level = Math.max(0, turn - 3);
+      const start = turn === 1 ? x + clear : turn === 2 ? x - clear - wide : x - wide / 2;
+      const middle = beside ? y : turn === 3 ? y + clear + half
+        : y - clear - half - level * (HIGH + 2);
+      const left = Math.min(Math.max(start, 0), width - wide);
+      const box = [left, middle - half, left + wide, middle + half];
+      if (box[1] < 0 || box[3] > height || meet(box, itself)) continue;
+      if (!taken.some(other => other[4] !== shape && meet(box, other))) return box;
+    }
+    return undefined;
   }
 
   const meet = (one, other) =>

@@ -122,7 +122,7 @@
     frames = Math.max(0, ...cast.map(each => each.scene.frames));
     slider.max = Math.max(0, frames - 1);
     root.dataset.frames = frames;
-    chart.show(cast, frames, laneColour, titled);
+    chart.show(cast, frames, laneColour);
     describe();
     go(0);
   }
