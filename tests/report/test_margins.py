@@ -16,7 +16,8 @@ CLAIM = Claim(
     number=4, statement="", test="", effect=-0.018, low=-0.026, high=-0.010, unit="return",
     p_value=0.001, verdict="refuted", side="less than", margin=-2.0,
 )  # fmt: skip
-NUMBERS = st.floats(-1e6, 1e6)
+NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
+WIDTHS = st.floats(0, 1e6, allow_subnormal=False)
 
 
 def drawn(claim: Claim) -> dict[str, list[float]]:
@@ -38,7 +39,7 @@ def drawn(claim: Claim) -> dict[str, list[float]]:
     return found
 
 
-@given(NUMBERS, NUMBERS, st.floats(0, 1e6), st.floats(0, 1e6))
+@given(NUMBERS, NUMBERS, WIDTHS, WIDTHS)
 def test_margin_effect_and_interval_are_drawn_to_one_scale(
     margin: float, effect: float, below: float, above: float
 ) -> None:

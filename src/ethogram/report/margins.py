@@ -1,6 +1,7 @@
 """A claim's margin, effect and interval: in words, and on a small line drawn to scale."""
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 
 from markupsafe import Markup, escape
@@ -54,7 +55,9 @@ def margins(claim: Claim) -> tuple[float, ...]:
 
 def _parts(claim: Claim, bounds: Sequence[float], low: float, high: float) -> Iterator[str]:
     """The SVG elements, from the back to the front."""
-    wide = (high - low) or max(abs(high), 1.0)
+    wide = high - low
+    if wide < sys.float_info.min:  # all is in one place, as far as numbers tell
+        wide = max(abs(high), 1.0)
 
     def x(value: float | None, missing: float) -> float:
         shown = missing if value is None or math.isinf(value) else value
