@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim, Revision
 from ethogram.report.margins import claimed, line
-from ethogram.report.wording import stated
+from ethogram.report.wording import note, shared_history, stated
 
 CLAIM = Claim(
     number=4, statement="", test="", effect=-0.018, low=-0.026, high=-0.010, unit="return",
@@ -109,3 +109,16 @@ def test_what_the_page_says_of_when_claims_were_stated_is_what_they_say() -> Non
         "It is not recorded when claim 5 was stated."
     )
     assert "stated before" not in stated([unknown], day)
+    assert stated([changed, changed], day).endswith(
+        "The tests of all have changed since, as is said below."
+    )
+
+
+def test_changes_to_all_claims_are_said_once_and_the_deciding_comparison_too() -> None:
+    one, other = (Revision(date="2026-11-02", change=each, reason="", known="") for each in "ab")
+    claims = [replace(CLAIM, history=(one, other)), replace(CLAIM, history=(other,))]
+    assert shared_history(claims) == (other,)
+    assert shared_history(claims[:1]) == ()
+    told = replace(CLAIM, compared="a - b", note="3 trials; rests on: a - b; leans towards it")
+    assert note(told) == "3 trials; leans towards it"
+    assert note(replace(told, compared="")) == told.note

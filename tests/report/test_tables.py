@@ -69,7 +69,7 @@ def test_no_marker_contradicts_what_is_shown(
 def test_a_range_of_few_trials_is_worded_as_one_and_marks_nothing() -> None:
     cell = Measured(value=2.5, low=2.0, high=3.0, published=9.0, bounds="range")
     layout = lay_out(table(("J",), (cell,)))
-    assert layout.rows[0][0].interval == "2.0 to 3.0"
+    assert layout.rows[0][0].interval == "(2.0 to 3.0)"
     assert layout.ranged
     assert not layout.marked
 

@@ -209,6 +209,8 @@ def _environment() -> Environment:
         "effect": wording.effect,
         "claimed": margins.claimed,
         "margin_line": margins.line,
+        "note": wording.note,
+        "shared_history": wording.shared_history,
         "stated": wording.stated,
         "dotted": wording.dotted,
         "pages_folder": PAGES,

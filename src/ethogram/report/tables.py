@@ -183,11 +183,10 @@ def _plain(column: Column, cell: Cell) -> tuple[Shown, ...]:
 
 
 def _span(cell: Measured, decimals: int) -> str:
-    """An interval in brackets, or "1 to 3", the range of trials that are too few for one."""
+    """An interval in brackets, or "(1 to 3)", the range of trials that are too few for one."""
     if cell.bounds == "range" and cell.low is not None and cell.high is not None:
-        return " ".join(
-            (wording.number(cell.low, decimals), TO, wording.number(cell.high, decimals))
-        )
+        low, high = (wording.number(bound, decimals) for bound in (cell.low, cell.high))
+        return f"({low} {TO} {high})"
     return wording.interval(cell.low, cell.high, decimals)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Any
 
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Revision
 
 MINUS = "\N{MINUS SIGN}"
 THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
@@ -89,10 +89,26 @@ def stated(claims: Sequence[Claim], date: str) -> str:
         sentences.append(f"It is not recorded when {_claims(undated).lower()} stated.")
     elif undated:
         sentences.append("It is not recorded when they were stated.")
-    if changed:
+    if len(changed) == len(claims) > 1:
+        sentences.append("The tests of all have changed since, as is said below.")
+    elif changed:
         was = "its test has" if len(changed) == 1 else "their tests have"
         sentences.append(f"{_numbers(changed)}: {was} changed since, as is said there.")
     return " ".join(sentences)
+
+
+def shared_history(claims: Sequence[Claim]) -> tuple[Revision, ...]:
+    """The changes that all claims have in common, where there are several: said once for all."""
+    if len(claims) < 2:
+        return ()
+    first, *others = (claim.history for claim in claims)
+    return tuple(one for one in first if all(one in history for history in others))
+
+
+def note(claim: Claim) -> str:
+    """A claim's note, without the comparison that decided where that is told apart."""
+    told = f"rests on: {claim.compared}"
+    return "; ".join(part for part in claim.note.split("; ") if part != told)
 
 
 def _claims(numbers: Sequence[int]) -> str:
