@@ -102,7 +102,8 @@ def test_what_the_page_says_of_when_claims_were_stated_is_what_they_say() -> Non
     plain = "Each was stated before the run, with its test and margin."
     assert stated([early, early], day) == plain
     assert stated([early, changed], day) == (
-        f"{plain} Claim 3: its test has changed since, as is said there."
+        "Each was first stated before the run, with its test and margin. "
+        "Claim 3: its test has changed since, as is said there."
     )
     assert stated([early, late, unknown], day) == (
         "Each has its test and margin. Claim 2 was stated after the run. "

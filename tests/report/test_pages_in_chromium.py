@@ -280,7 +280,7 @@ def test_a_claim_shows_its_margin_and_its_history(
     assert "Known by then: A first run of all conditions." in said
     assert "J in validation: undecided" in said
     above = page.locator("#section-claims + p").inner_text()
-    assert above.startswith("Each was stated before the run")
+    assert above.startswith("Each was first stated before the run")
     assert "Claim 2: its test has changed since" in above
     assert "2026-11-01" in page.locator("#claim-1 dl").inner_text()
 

@@ -80,7 +80,8 @@ def stated(claims: Sequence[Claim], date: str) -> str:
     changed = [claim.number for claim in claims if claim.history]
     sentences = []
     if not undated and not late:
-        sentences.append("Each was stated before the run, with its test and margin.")
+        first = "first " if changed else ""
+        sentences.append(f"Each was {first}stated before the run, with its test and margin.")
     else:
         sentences.append("Each has its test and margin.")
     if late:
