@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from ethogram.core.findings import Claim, Figure, Measured, Table, Verdict
+from ethogram.core.findings import Claim, Figure, Measured, Revision, Table, Verdict
+from ethogram.core.introduction import Introduction
 from ethogram.report import StudyPage
 from ethogram.studies import plotting
 
@@ -43,6 +44,14 @@ STATEMENTS: tuple[tuple[str, Verdict], ...] = (
 )
 
 
+REVISION = Revision(
+    date="2026-11-05",
+    change="A lead must exist to be larger.",
+    reason="Without one the test says nothing.",
+    known="A first run of all conditions.",
+)
+
+
 def claim(number: int, statement: str, verdict: Verdict) -> Claim:
     ran = verdict != "not run"
     return Claim(
@@ -57,6 +66,12 @@ def claim(number: int, statement: str, verdict: Verdict) -> Claim:
         p_value=min(1.0, 0.0002 * 3**number) if ran else None,
         verdict=verdict,
         note="" if ran else "The plan has no condition with optional communication.",
+        side="more than" if ran else None,
+        margin=0.5 if ran else None,
+        compared="always - none" if ran else "",
+        stated="2026-11-01",
+        history=(REVISION,) if number == 2 else (),
+        depends_on=("J in validation: undecided",) if number == 2 else (),
     )
 
 
@@ -144,6 +159,14 @@ def sharing() -> StudyPage:
         name="sharing",
         title="Sharing resources",
         question="Do agents that may tell each other where they go share better than silent ones?",
+        introduction=Introduction(
+            text="Ten agents share two resources.",
+            source="A. Author, A thesis, 2020: chapter 3.",
+            symbols={"J": "return, mean over agents", "I": "its standard deviation over agents"},
+            case="second",
+            frame=7,
+            caption="An agent on its way.",
+        ),
         plan="quick",
         plan_description="All 24 conditions with 4 trials of 2000 episodes: the direction only.",
         trials=4,
@@ -204,8 +227,10 @@ def open_tab(browser: Browser) -> Iterator[Callable[..., Page]]:
     """A new tab with the given screen, closed after the test."""
     contexts = []
 
-    def new(width: int = 1280, **settings: Any) -> Page:
-        contexts.append(browser.new_context(viewport={"width": width, "height": 900}, **settings))
+    def new(width: int = 1280, height: int = 900, **settings: Any) -> Page:
+        contexts.append(
+            browser.new_context(viewport={"width": width, "height": height}, **settings)
+        )
         return contexts[-1].new_page()
 
     yield new

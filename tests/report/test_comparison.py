@@ -1,13 +1,15 @@
 import string
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
+from ethogram.cli.printing import show_comparison
 from ethogram.core.findings import Cell, Claim, Measured, Table
-from ethogram.report import StudyPage, compare_pages
+from ethogram.report import Comparison, StudyPage, compare_pages, write_comparison
 from ethogram.report.comparison import StudyPair
 from ethogram.report.pairing import paired
 from ethogram.report.table_pairs import TablePair, compare_tables
@@ -264,3 +266,50 @@ def test_no_row_and_no_column_gets_lost(a: Table, b: Table) -> None:
     for held, part in (("a", a), ("b", b)):
         assert sum(row.held in ("both", held) for row in pair.rows) == len(part.rows)
         assert sum(column.held in ("both", held) for column in pair.columns) == len(part.columns)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "changed"),
+    [
+        ("confirmed", "refuted", True),
+        ("confirmed", "undecided", True),
+        ("not run", "refuted", True),
+        ("undecided", "not run", False),
+        ("not run", "undecided", False),
+        ("refuted", "refuted", False),
+    ],
+)
+def test_undecided_against_not_run_is_no_difference(one: str, other: str, changed: bool) -> None:
+    pair = compare_pages(
+        page(claims=[claim(verdict=one)]), page(claims=[claim(verdict=other, effect=None)])
+    )
+    assert pair.claims[0].changed == changed
+    assert pair.changed == changed
+
+
+@pytest.mark.parametrize(
+    ("changes", "alike"),
+    [
+        ({}, True),
+        ({"effect": 7.0}, True),
+        ({"unit": "m (standard deviation)"}, False),
+        ({"compared": "J(none) - J(always)"}, False),
+        ({"unit": "s", "effect": None}, True),
+    ],
+)
+def test_effects_of_unlike_quantities_do_not_stand_beside_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any], alike: bool
+) -> None:
+    mine = claim(compared="J(optional) - J(always)", low=None, high=None)
+    theirs = replace(mine, **({"effect": 2.0} | changes))
+    pair = compare_pages(page(claims=[mine]), page(claims=[theirs]))
+    assert pair.claims[0].alike == alike
+    found = Comparison(a="one", b="two", studies=[pair])
+    write_comparison(tmp_path / "compare.html", found)
+    text = (tmp_path / "compare.html").read_text()
+    assert ("of different quantities" in text) == (not alike)
+    assert text.count("1.00 m") == 1
+    show_comparison(found)
+    printed = capsys.readouterr().out
+    assert ("of different quantities" in printed) == (not alike)
+    assert ("confirmed  1 " in printed) == alike

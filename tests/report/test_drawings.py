@@ -1,14 +1,16 @@
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
 from ethogram.report.drawings import alone, inlined
+from ethogram.studies.sensing.bodies_drawn import draw_bodies
 
 LINKED = (
     '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
     '<defs><path id="m1" d="M 0 0"/><clipPath id="p1"><rect/></clipPath></defs>'
-    '<use xlink:href="#m1" style="fill: #0072b2"/><g clip-path="url(#p1)"/></svg>'
+    '<use xlink:href="#m1" style="fill: #0072b2"/><g clip-path="url(#p1)" fill="#d55e00"/></svg>'
 )
 
 
@@ -19,6 +21,7 @@ def test_two_drawings_share_no_id_and_each_use_finds_its_own() -> None:
         marker, clip = (root.find(f"defs/{tag}").get("id") for tag in ("path", "clipPath"))  # type: ignore[union-attr]
         assert root.find("use").get("href") == f"#{marker}"  # type: ignore[union-attr]
         assert root.find("use").get("style") == "fill: #0072b2"  # type: ignore[union-attr]
+        assert root.find("g").get("fill") == "#d55e00"  # type: ignore[union-attr]
         assert root.find("g").get("clip-path") == f"url(#{clip})"  # type: ignore[union-attr]
         ids |= {marker, clip}
     assert len(ids) == 4
@@ -51,3 +54,68 @@ def test_a_drawing_alone_is_a_file_that_any_viewer_knows_as_svg() -> None:
 def test_what_is_not_one_svg_is_refused_by_the_figures_name(svg: str) -> None:
     with pytest.raises(EthogramError, match="figure 'figure-1'"):
         inlined(svg, name="figure-1", alt="")
+
+
+HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+ xmlns:h="http://www.w3.org/1999/xhtml" onload="run()" transform="scale(99)" width="100pt"
+ style="position:fixed;fill:red;background:url(http://evil.example/1)">
+<script>run()</script><h:script>run()</h:script><style>@import "http://evil.example/2";</style>
+<foreignObject><h:iframe src="http://evil.example/3"/></foreignObject>
+<image xlink:href="http://evil.example/4"/><image href="data:image/svg+xml;base64,PHN2Zy8+"/>
+<image href="data:image/png;base64,iVBORw0KGgo="/>
+<use href="http://evil.example/5#a"/><use xlink:href="data:image/svg+xml,x#a"/>
+<a href="javascript:run()"><path id="a" d="M 0 0" onclick="run()"/></a>
+<path class="skip" style="fill:url(http://evil.example/6);stroke:#123456;cursor:url(//evil.example/7)"/>
+<path fill="u\\72l(http://evil.example/8)" mask="url(#a)" filter="url(http://evil.example/9)"/>
+<path style="mask:image-set('http://evil.example/10' 1x);clip-path:url(#a)"/>
+<set attributeName="href" to="javascript:run()"/><animate attributeName="d" values="M 1 1"/>
+<text onfocus="run()" tabindex="0">run()</text></svg>"""
+
+
+def test_nothing_of_a_drawing_runs_is_fetched_or_leads_elsewhere() -> None:
+    for whole in (inlined(HOSTILE, name="f", alt=""), alone(HOSTILE, name="f", alt="")):
+        root = ET.fromstring(whole)
+        tags = {element.tag.rpartition("}")[2] for element in root.iter()}
+        assert tags <= {"svg", "image", "use", "path", "text", "g"}
+        for element in root.iter():
+            for key, value in element.attrib.items():
+                assert not key.startswith("on")
+                assert key not in {"class", "tabindex", "transform", "filter"}
+                assert "evil.example" not in value
+                assert "javascript" not in value
+                assert "svg+xml" not in value
+        assert "position" not in root.get("style", "")
+        assert "fill:red" in root.get("style", "")
+
+
+def test_what_draws_is_kept_beside_what_does_not() -> None:
+    root = ET.fromstring(inlined(HOSTILE, name="f", alt=""))
+    first, second, third = root.findall("path")[-3:]
+    drawn = root.find(".//path[@id]")
+    assert drawn is not None
+    assert drawn.attrib == {"id": drawn.get("id"), "d": "M 0 0"}
+    assert first.attrib == {"style": "stroke:#123456"}
+    assert second.attrib == {"mask": f"url(#{drawn.get('id')})"}
+    assert third.attrib == {"style": f"clip-path:url(#{drawn.get('id')})"}
+    pictures = [each.attrib for each in root.findall("image")]
+    assert pictures == [{}, {}, {"href": "data:image/png;base64,iVBORw0KGgo="}]
+    assert root.find("text").text == "run()"  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("width", "share"),
+    [("129.6pt", "0.250"), ("3.6in", "0.500"), ("345.6px", "0.500"), ("518.4pt", ""), ("", "")],
+)
+def test_a_drawing_narrower_than_a_page_keeps_its_share_of_it(width: str, share: str) -> None:
+    root = ET.fromstring(inlined(f'<svg width="{width}"/>', name="f", alt=""))
+    assert root.get("style", "") == (f"--share: {share}" if share else "")
+
+
+def test_one_body_is_drawn_as_large_as_it_is_beside_others() -> None:
+    cells = np.array([(x, 0, 0) for x in range(4)])
+    shares = []
+    for count in (1, 4):
+        svg = draw_bodies({f"worm {number}": cells for number in range(count)})
+        root = ET.fromstring(inlined(svg, name="f", alt=""))
+        shares.append(root.get("style", ""))
+    assert shares == ["--share: 0.250", ""]

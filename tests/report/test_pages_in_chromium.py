@@ -9,9 +9,19 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Locator, Page
+from tests.report.player import FRAMES, crossing
 
 from ethogram.core.findings import Claim, Measured, Table
-from ethogram.report import StudyPage, write
+from ethogram.core.introduction import Introduction
+from ethogram.core.scene import Shape
+from ethogram.report import (
+    Comparison,
+    Replay,
+    StudyPage,
+    compare_pages,
+    write,
+    write_comparison,
+)
 
 HOSTILE = (
     "<script>document.title='run'</script><img src=x onerror=alert(1)>"
@@ -129,6 +139,60 @@ def test_a_phone_scrolls_wide_things_in_their_own_box_and_never_the_page(
         assert wide.evaluate("box => box.scrollWidth > box.clientWidth")
 
 
+def test_names_without_a_break_do_not_make_a_phone_scroll_sideways(
+    tmp_path: Path, open_tab: Callable[..., Page], sharing: StudyPage
+) -> None:
+    long = "verylongnamewithoutanybreak" * 3
+    scene = crossing(
+        title=long,
+        palette=(long, long),
+        captions=(long,) * FRAMES,
+        chapters=tuple(f"{long}{frame // 9}" for frame in range(FRAMES)),
+        shapes=(Shape("circle", 0.8, long),),
+        words=(long,),
+        said=np.zeros((FRAMES, 1), int),
+        series={long: np.zeros((FRAMES, 2))},
+    )
+    claim = replace(
+        sharing.claims[0], statement=long, test=long, source=long, note=long, unit=long,
+        compared=long, depends_on=(long,),
+    )  # fmt: skip
+    table = Table(name=long, title=long, caption=long, columns=(long, "J"), rows=((long, 1.0),))
+    study = replace(
+        sharing, title=long, question=long, plan=long, plan_description=long, command=long,
+        settings={long: {f"{long}_a.b": long}}, versions={long: long}, failures=[(long, long)],
+        claims=[claim], tables=[table], figures=[replace(sharing.figures[-1], title=long)],
+        introduction=Introduction(text=long, source=long, symbols={long: long}, caption=long),
+        replays=[Replay(name=f"{number}-{long}", scene=scene) for number in range(2)],
+    )  # fmt: skip
+    index = write(tmp_path, [study])
+    compared = tmp_path / "compare.html"
+    pair = compare_pages(study, replace(study, settings={long: long}))
+    write_comparison(compared, Comparison(a=long, b=long, studies=[pair], only_a=[long]))
+    page = open_tab(width=390)
+    for file in (index, tmp_path / "report" / "sharing.html", compared):
+        page.goto(file.as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390, file.name
+
+
+def test_settings_break_between_words(folder: Path, open_tab: Callable[..., Page]) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    for cell in page.locator(".pairs td, .pairs th").all()[:40]:
+        words = cell.evaluate(
+            """cell => {
+              const text = cell.firstChild, range = document.createRange(), broken = []
+              for (const word of (text?.data ?? "").matchAll(/[^\\s.]+/g)) {
+                range.setStart(text, word.index)
+                range.setEnd(text, word.index + word[0].length)
+                if (range.getClientRects().length > 1) broken.push(word[0])
+              }
+              return broken
+            }"""
+        )
+        assert words == []
+
+
 def test_verdicts_differ_in_word_and_shape_not_only_in_colour(
     folder: Path, open_tab: Callable[..., Page]
 ) -> None:
@@ -196,6 +260,46 @@ def test_a_claim_that_was_not_run_shows_no_effect(
     page.goto(url(folder))
     assert page.locator("#claim-9 .finding").inner_text().strip() == "not run"
     assert "0.123 reward per step" in page.locator("#claim-1 .finding").inner_text()
+    assert page.locator(".margin").count() == 8  # one where there is an effect
+
+
+def test_a_claim_shows_its_margin_and_its_history(
+    folder: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    finding = page.locator("#claim-2 .finding")
+    assert "claimed: more than 0.50 reward per step" in finding.inner_text()
+    line = finding.locator(".margin")
+    assert line.get_attribute("aria-label") == (
+        "Claimed: more than 0.50 reward per step. Effect: 0.247 reward per step [0.216, 0.278]."
+    )
+    assert len(np.unique(pixels(line).reshape(-1, 3), axis=0)) > 5
+    said = " ".join(page.locator("#claim-2 dl").inner_text().split())
+    assert "Changed 2026-11-05: A lead must exist to be larger. Why: Without one" in said
+    assert "Known by then: A first run of all conditions." in said
+    assert "J in validation: undecided" in said
+    above = page.locator("#section-claims + p").inner_text()
+    assert above.startswith("Each was first stated before the run")
+    assert "Claim 2: its test has changed since" in above
+    assert "2026-11-01" in page.locator("#claim-1 dl").inner_text()
+
+
+def test_a_page_opens_with_what_it_is_about(folder: Path, open_tab: Callable[..., Page]) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    opening = " ".join(page.locator("header.title").inner_text().split())
+    for words in (
+        "Ten agents share two",
+        "J return, mean over agents",
+        "A. Author, A thesis, 2020",
+    ):
+        assert words in opening
+    top = page.locator(".symbols").bounding_box()
+    first = page.locator("#claim-1").bounding_box()
+    assert top is not None
+    assert first is not None
+    assert top["y"] < first["y"]
 
 
 def test_what_is_missing_or_failed_is_said_first(

@@ -92,14 +92,13 @@ def test_what_is_hidden_is_not_drawn_nor_are_its_lines_labels_and_words(kind: st
     assert (stage(crossing(tint=np.zeros((FRAMES, 2), int), **changes), 0) != nothing).any()
 
 
-def test_squares_are_seen_through_and_rings_are_empty() -> None:
+def test_squares_are_of_their_legends_colour_and_rings_are_empty() -> None:
     square, ring = (
         stage(crossing(shapes=(Shape(kind, 2.0),), position=np.full((FRAMES, 1, 2), 4.5)), 0)
         for kind in ("square", "ring")
     )
     inside = round(square.shape[0] / 2) + 5, round(square.shape[1] * 4.5 / WIDTH)
-    # 55 % of blue on white: 255 + 0.55 (0 - 255) and so on
-    np.testing.assert_allclose(square[inside], (115, 177, 213), atol=2)
+    np.testing.assert_array_equal(square[inside], BLUE)
     np.testing.assert_array_equal(ring[inside], 255)
     assert len(where(ring, BLUE)) > 0
 

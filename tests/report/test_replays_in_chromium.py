@@ -1,8 +1,11 @@
 """The player as a viewer uses it, in a real browser, with scenes made here and with stored ones."""
 
 import json
+import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -210,7 +213,7 @@ def test_stored_scenes_of_each_world_are_drawn_and_move(
     tmp_path: Path, open_tab: Callable[..., Page], world: str, scheme: str
 ) -> None:
     width = 1280 if scheme == "light" else 390
-    page = open_tab(width=width, color_scheme=scheme)
+    page = open_tab(width=width, height=800, color_scheme=scheme)
     asked, complaints = heard(page)
     manifests = sorted((RECORDS / world / "manifests").iterdir())
     stored = [json.loads(manifest.read_text())["content"] for manifest in manifests]
@@ -220,6 +223,9 @@ def test_stored_scenes_of_each_world_are_drawn_and_move(
     assert done == cli.DONE
     page.goto(file.as_uri())
     until(page, lambda: frames(page) > 5)
+    box = page.locator("#replay").bounding_box()
+    assert box is not None
+    assert width < 1280 or box["height"] <= 800  # stage and controls are seen together
     canvas = page.locator("[data-part=canvas]")
     first = pixels(canvas)
     assert len(np.unique(first.reshape(-1, 3), axis=0)) > 5
@@ -231,6 +237,85 @@ def test_stored_scenes_of_each_world_are_drawn_and_move(
     assert asked == [file.as_uri()]
     assert complaints == []
     assert file.stat().st_size < 600_000
+
+
+def test_words_of_neighbours_stay_apart_on_a_phone(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    agents = 10
+    x = np.linspace(2, WIDTH - 2, agents)
+    scene = crossing(
+        shapes=(Shape("circle", 0.35),) * agents,
+        position=np.tile(np.stack([x, np.full(agents, 3.0)], 1), (FRAMES, 1, 1)),
+        tint=np.zeros((FRAMES, agents), int),
+        words=("coming to 1",),
+        said=np.zeros((FRAMES, agents), int),
+        series={},
+    )
+    page = opened(tmp_path, open_tab, scene, width=390, color_scheme="light")
+    ink = (pixels(page.locator("[data-part=canvas]")) < 60).all(2)
+    longest = max(
+        sum(1 for _ in same) for row in ink for dark, same in groupby(row.tolist()) if dark
+    )
+    assert 30 < longest < 100  # the rim around one word, not a bar over all of them
+    assert ink.sum() > 10 * 11 * 3  # each of them is there
+
+
+def test_lines_have_names_and_colours_of_their_own_over_an_axis_of_frames(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    series = {"return": np.linspace([0, 1], [1, 0], FRAMES), "level": np.zeros((FRAMES, 1))}
+    page = opened(tmp_path, open_tab, crossing(series=series))
+    lines = page.locator("[data-part=lines] li")
+    assert lines.all_inner_texts() == ["return 1", "return 2", "level"]
+    strokes = [
+        line.evaluate("each => getComputedStyle(each).borderTopColor")
+        for line in page.locator("[data-part=lines] .stroke").all()
+    ]
+    tints = [
+        spot.evaluate("each => getComputedStyle(each).backgroundColor")
+        for spot in page.locator("[data-part=legend] .swatch").all()
+    ]
+    assert len({*strokes, *tints}) == len(strokes) + len(tints)
+    chart = pixels(page.locator("[data-part=chart]"))
+    for stroke in strokes:
+        colour = [int(part) for part in re.findall(r"\d+", stroke)[:3]]
+        assert (np.abs(chart - colour).max(2) < 40).sum() > 100  # it is drawn in that colour
+    level = (chart[:, 60:-20] < 150).all(2).mean(1)  # the axis is the one level grey line
+    below = chart[int(level.argmax()) + 6 :]
+    assert level.max() > 0.9
+    assert (below < 160).all(2).sum() > 30  # numbers stand below it
+    assert page.get_by_label("loop").count() == 1
+
+
+def test_a_page_keeps_to_its_size_and_says_which_frames_it_left_out(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(2000, 5, 2))
+    changes = {
+        "position": noise,
+        "tint": np.zeros((2000, 5), int),
+        "shapes": (Shape("circle", 0.1),) * 5,
+        "captions": tuple(f"frame {frame}" for frame in range(2000)),
+        "series": {},
+    }
+    file = tmp_path / "replay.html"
+    replays = [Replay(name="long", scene=crossing(**changes)), Replay(name="b", scene=crossing())]
+    write_replay(file, "toy", replays, page_bytes=75_000)
+    assert 60_000 < file.stat().st_size <= 75_000
+    page = open_tab()
+    page.goto(file.as_uri())
+    until(page, lambda: frames(page) > 0)
+    note = page.locator("[data-part=thinned]")
+    step = int(re.findall(r"every (\d+)", note.inner_text())[0])
+    assert note.inner_text().startswith("of 2000 frames every ")
+    assert frames(page) == math.ceil(2000 / step)
+    page.locator("[data-part=frame]").fill("3")
+    assert page.locator("[data-part=caption]").inner_text() == f"frame {3 * step}"
+    page.locator("[data-part=scene]").select_option("b")
+    until(page, lambda: frames(page) == FRAMES)
+    assert not note.is_visible()
 
 
 def test_a_page_has_ten_replays_of_many_and_says_so(

@@ -5,6 +5,7 @@ import pytest
 from tests.report.test_pages_in_chromium import pixels
 
 from ethogram import cli
+from ethogram.report.site import OPENING
 
 FIGURES = {f"figure-3-{number}" for number in range(1, 7)} | {"table-3-3", "table-3-4"}
 CHANGES = ("strategy=optional,random", "episodes=20", "validation_episodes=2", "record_every=5")
@@ -28,8 +29,9 @@ def test_its_figures_are_painted_its_claims_shown_and_nothing_is_fetched(index, 
     page.goto(index.as_uri())
     page.get_by_role("link", name="Sharing resources").click()
     page.wait_for_load_state("networkidle")
-    drawings = page.locator("figure svg").all()
-    assert len(drawings) == len(FIGURES)
+    assert "J. Talamini, Artificial" in page.locator("header.title").inner_text()
+    drawings = page.locator("figure .scroll > svg").all()
+    assert len(drawings) == len(FIGURES | {OPENING})
     for drawing in drawings:
         colours = np.unique(pixels(drawing).reshape(-1, 3), axis=0)
         assert len(colours) > 50
@@ -41,7 +43,7 @@ def test_its_figures_are_painted_its_claims_shown_and_nothing_is_fetched(index, 
 
 def test_its_data_stand_beside_it_as_files(index):
     folder = index.parent / "report" / "sharing"
-    assert {path.stem for path in folder.glob("*.svg")} == FIGURES
+    assert {path.stem for path in folder.glob("*.svg")} == FIGURES | {OPENING}
     assert {path.stem for path in folder.glob("*.csv")} == FIGURES | {
         "table-3-2",
         "returns",

@@ -1,14 +1,17 @@
 import json
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.report.player import WIDTH, crossing
 
 from ethogram.core.errors import EthogramError
 from ethogram.report import Replay, StudyPage, write
+from ethogram.report.pictures import MARGIN
 from ethogram.report.site import replay_page, slug
 
 
@@ -89,6 +92,41 @@ def test_a_table_and_a_figure_with_one_name_are_refused(tmp_path: Path, sharing:
     figure = replace(sharing.figures[0], name="table-3-2")
     with pytest.raises(EthogramError, match=r"tables and figures of study 'sharing'.*'table-3-2'"):
         write(tmp_path, [replace(sharing, figures=[figure])])
+
+
+def test_a_study_opens_with_the_picture_it_names_or_with_its_first_scene(
+    tmp_path: Path, sharing: StudyPage
+) -> None:
+    there = crossing().position
+    scenes = {"first": crossing(position=there), "second": crossing(position=there - 1)}
+    replays = [Replay(name=name, scene=scene) for name, scene in scenes.items()]
+    named = replace(sharing, replays=replays, figures=[], tables=[])
+    assert named.opening is not None
+    assert (named.opening.scene, named.opening.frame) == (scenes["second"], 7)
+    assert named.opening.caption == "An agent on its way."
+    other = replace(named, replays=replays[:1])
+    assert other.opening is not None
+    assert (other.opening.scene, other.opening.caption) == (scenes["first"], "crossing")
+    assert replace(named, replays=[Replay(name="second", scene=None, trouble="no")]).opening is None
+    write(tmp_path, [named])
+    drawn = ET.parse(tmp_path / "report" / "sharing" / "opening.svg").getroot()
+    discs = list(drawn.iter("{http://www.w3.org/2000/svg}circle"))
+    x = scenes["second"].position[7, 0, 0]
+    room = float(drawn.get("width", "").removesuffix("px")) - 2 * MARGIN
+    assert float(discs[-1].get("cx", "")) == pytest.approx(room * x / WIDTH, abs=0.1)
+    assert discs[-1].get("fill") == "#0072b2"
+    text = (tmp_path / "report" / "sharing.md").read_text()
+    assert "](sharing/opening.svg)" in text
+    assert text.index("return, mean over agents") < text.index("## Claims")
+
+
+def test_a_claim_of_a_study_of_its_own_needs_no_source(tmp_path: Path, sharing: StudyPage) -> None:
+    claims = [replace(claim, source="") for claim in sharing.claims]
+    write(tmp_path, [replace(sharing, claims=claims, figures=[], tables=[])])
+    text = (tmp_path / "report" / "sharing.html").read_text()
+    assert "<dt>Source</dt>" not in text
+    assert "thesis" not in text.replace("A thesis, 2020", "")
+    assert "\n   ()" not in (tmp_path / "report" / "sharing.md").read_text()
 
 
 def test_without_studies_the_front_page_says_so(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@ import csv
 import io
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ethogram.core.findings import Cell, Measured, Table
 from ethogram.report.tables import as_csv, lay_out
@@ -31,6 +33,51 @@ def test_a_difference_is_marked_where_the_interval_leaves_the_published_value_ou
     layout = lay_out(table(("J",), (cell,)))
     assert layout.rows[0][-1].side == side
     assert layout.marked == bool(side)
+
+
+@pytest.mark.parametrize(
+    ("cell", "shown"),
+    [
+        (Measured(value=1.53, low=1.4, high=1.7, published=2),
+         ["1.5", "[1.4, 1.7]", "2", "\u22120.5"]),
+        (Measured(value=98.982, low=98.976, high=98.988, published=99.0),
+         ["98.98", "[98.98, 98.99]", "99.0", "\u22120.02"]),
+    ],
+)  # fmt: skip
+def test_a_marked_difference_is_seen_in_the_numbers_beside_it(
+    cell: Measured, shown: list[str]
+) -> None:
+    ((measured, published, difference),) = lay_out(table(("J",), (cell,))).rows
+    assert [measured.text, measured.interval, published.text, difference.text] == shown
+    assert difference.side == "below"
+
+
+@given(st.integers(-50, 50), st.floats(-0.7, 0.7), st.floats(1e-9, 1), st.floats(1e-9, 1))
+def test_no_marker_contradicts_what_is_shown(
+    published: int, off: float, below: float, above: float
+) -> None:
+    value = published + off
+    cell = Measured(value=value, low=value - below, high=value + above, published=published)
+    ((measured, _, difference),) = lay_out(table(("J",), (cell,))).rows
+    low, high = (
+        float(bound.replace("\u2212", "-")) for bound in measured.interval[1:-1].split(", ")
+    )
+    outside = "above" if published < low else "below" if high < published else ""
+    assert difference.side in ("", outside)
+
+
+def test_a_range_of_few_trials_is_worded_as_one_and_marks_nothing() -> None:
+    cell = Measured(value=2.5, low=2.0, high=3.0, published=9.0, bounds="range")
+    layout = lay_out(table(("J",), (cell,)))
+    assert layout.rows[0][0].interval == "(2.0 to 3.0)"
+    assert layout.ranged
+    assert not layout.marked
+
+
+def test_numbers_of_a_run_that_is_only_to_work_are_marked_beside_nothing() -> None:
+    found = table(("J",), (Measured(value=1.0, low=0.9, high=1.1, published=9.0),))
+    assert lay_out(found).marked
+    assert not lay_out(found, comparable=False).marked
 
 
 def test_without_an_interval_nothing_is_marked() -> None:

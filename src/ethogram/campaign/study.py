@@ -1,4 +1,7 @@
-"""What a study is to those who run it and show it.  A module that has these names is one."""
+"""What a study is to those who run it and show it.  A module that has these names is one.
+
+It may have one more, `INTRODUCTION`: what its page opens with (`introduction_of`).
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +14,7 @@ from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import module_of, package_of
 from ethogram.core.errors import EthogramError, place_of
 from ethogram.core.findings import Claim, Figure, Table
+from ethogram.core.introduction import Introduction
 
 Records = Mapping[str, Record]  # by the case's name, in the plan's order; missing ones are absent
 
@@ -48,13 +52,13 @@ class Study(Protocol):
         """Compute a case.  Nothing else in a study spends compute."""
 
     def tables(self, records: Records, /) -> Sequence[Table]:
-        """The chapter's tables."""
+        """Its tables, measured beside published where there is something published."""
 
     def figures(self, records: Records, /) -> Sequence[Figure]:
-        """The chapter's figures."""
+        """Its figures."""
 
     def claims(self, records: Records, /) -> Sequence[Claim]:
-        """The chapter's claims, all of them, with their verdicts."""
+        """Its claims, all of them, with their verdicts."""
 
 
 @contextmanager
@@ -71,3 +75,9 @@ def blamed(study: Study, doing: str) -> Iterator[None]:
             f"The study {study.NAME!r}{package} broke in its {doing}: {type(error).__name__}: "
             f"{error} ({place_of(error, module_of(study))})."
         ) from error
+
+
+def introduction_of(study: Study) -> Introduction:
+    """What a study's page opens with; nothing where the study has no such name."""
+    found: Introduction = getattr(study, "INTRODUCTION", Introduction())
+    return found

@@ -40,6 +40,7 @@ from ethogram.cli.parameters import (
     Format,
     Name,
     Out,
+    PageSize,
     PlanName,
     ReplayFormat,
     ReplayOut,
@@ -177,10 +178,11 @@ def run(
 
 
 @app.command
-def report(folder: Folder, /, *, out: ReportOut = None) -> int:
+def report(folder: Folder, /, *, out: ReportOut = None, page_size: PageSize = 10.0) -> int:
     """Write the report on a folder of results, from what is stored there."""
-    from ethogram.report import write
+    from ethogram.report import page_bytes, write
 
+    most = page_bytes(page_size)
     found = gathered(folder)
     pages = []
     for number, (study, collected) in enumerate(found.studies, 1):
@@ -189,7 +191,7 @@ def report(folder: Folder, /, *, out: ReportOut = None) -> int:
             pages.append(page_of(study, collected))
         except EthogramError as error:
             say(readable(f"{error} It is left out."))
-    tell(write(out or folder, pages))
+    tell(write(out or folder, pages, page_bytes=most))
     return FAILED if found.damages or len(pages) < len(found.studies) else DONE
 
 
@@ -203,12 +205,13 @@ def replay(
     out: ReplayOut = None,
     format_: ReplayFormat = None,
     trial: ReplayTrial = None,
+    page_size: PageSize = 10.0,
     show: Show = True,
 ) -> int:
     """Show the recorded scene of a case, as a page that needs no network or as a film."""
     from ethogram.campaign.files import refuse_link
     from ethogram.campaign.sealed import Damaged
-    from ethogram.report import write_replay
+    from ethogram.report import page_bytes, write_replay
     from ethogram.report.film import write_film
     from ethogram.report.site import slug
 
@@ -234,7 +237,8 @@ def replay(
         refuse_link(file.parent)
     shown = trials[trial or min(trials)]
     if written == "html":
-        write_replay(file, study, list(trials.values()) if trial is None else [shown])
+        replays = list(trials.values()) if trial is None else [shown]
+        write_replay(file, study, replays, page_bytes=page_bytes(page_size))
     elif shown.scene is None:
         raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.trouble}.")
     else:

@@ -118,7 +118,7 @@ def page_of(study: "Study", collected: "Collected") -> "StudyPage":
 
 def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
     """A page without what takes time to draw."""
-    from ethogram.campaign.study import blamed
+    from ethogram.campaign.study import blamed, introduction_of
     from ethogram.report import StudyPage
 
     with blamed(study, "tables"):
@@ -128,6 +128,7 @@ def undrawn_page(study: "Study", collected: "Collected") -> "StudyPage":
         name=study.NAME,
         title=study.TITLE,
         question=study.QUESTION,
+        introduction=introduction_of(study),
         plan=planned.plan,
         plan_description=planned.description,
         trials=planned.trials,

@@ -85,6 +85,14 @@ ReplayTrial = Annotated[
         help="Trial to show, from 1; by default all that were recorded, in a film the first."
     ),
 ]
+PageSize = Annotated[
+    float,
+    Parameter(
+        name="--page-size",
+        help="Megabytes that a page takes at most; where there is more to replay, frames are left "
+        "out, and the page says so.",
+    ),
+]
 FolderA = Annotated[Path, _PATH, Parameter(help="Folder of the one run's results.")]
 FolderB = Annotated[Path, _PATH, Parameter(help="Folder of the other run's results.")]
 ReportOut = Annotated[

@@ -63,21 +63,29 @@ def show_comparison(found: "Comparison") -> None:
         for setting in study.settings:
             settings.add_row(*map(_one_line, (setting.name, setting.a, setting.b)))
         claims = Table(box=None, expand=True)
-        for name in ("", "claim", "A", "B", "effect A", "effect B", ""):
-            claims.add_column(name, no_wrap=name != "claim", ratio=1 if name == "claim" else None)
+        for name in ("", "claim", "A", "B", "effect A", "effect B", "unit", ""):
+            claims.add_column(
+                name,
+                no_wrap=name != "claim",
+                ratio=1 if name == "claim" else None,
+                max_width=16 if name == "unit" else None,
+            )
         for claim in study.claims:
             sides = (claim.a, claim.b)
             claims.add_row(
                 str(claim.number),
                 _one_line(claim.statements[0]),
                 *(side.verdict if side else "" for side in sides),
-                *(_effect(side) for side in sides),
+                *(_effect(side) if claim.alike else "other" for side in sides),
+                _one_line(next((side.unit for side in sides if side), "") if claim.alike else ""),
                 "*" if claim.changed else "",
             )
         print(study.a.name)
         console.print(settings if study.settings else "No setting differs.")
         console.print(claims)
         print(f"{study.tally}{' (*)' if study.changed else ''}")
+        if not all(claim.alike for claim in study.claims):
+            print("other: the effects are of different quantities, which the page names.")
     for side, names in (("A", found.only_a), ("B", found.only_b)):
         if names:
             print(f"Only in {side}: {', '.join(names)}")
@@ -103,6 +111,7 @@ def plain_comparison(found: "Comparison", page: Path) -> dict[str, Any]:
                 {
                     "number": claim.number,
                     "changed": claim.changed,
+                    "alike": claim.alike,
                     "a": claim.a and finite(asdict(claim.a)),
                     "b": claim.b and finite(asdict(claim.b)),
                 }

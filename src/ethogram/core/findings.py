@@ -31,7 +31,7 @@ Cell = str | int | float | Measured | None
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table of the thesis, measured beside published."""
+    """A table of what was measured, beside what is published where there is such."""
 
     name: str  # "table-3-2", unique in the study: file name and anchor
     title: str
@@ -73,7 +73,9 @@ class Claim:
 
     number: int
     statement: str
-    source: str  # where the thesis says so
+    source: str = (
+        ""  # where the claim is made, "section 3.4.1"; nothing for one of the study itself
+    )
     test: str  # what is compared, the margin and its unit
     effect: float | None
     low: float | None

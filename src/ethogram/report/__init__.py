@@ -7,13 +7,14 @@ its tables and figures.  Nothing here computes or reads records: the caller brin
 from ethogram.report.comparison import Comparison, compare_pages
 from ethogram.report.page import StudyPage
 from ethogram.report.replay import Replay
-from ethogram.report.site import write, write_comparison, write_replay
+from ethogram.report.site import page_bytes, write, write_comparison, write_replay
 
 __all__ = [
     "Comparison",
     "Replay",
     "StudyPage",
     "compare_pages",
+    "page_bytes",
     "write",
     "write_comparison",
     "write_replay",

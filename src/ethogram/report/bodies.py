@@ -14,6 +14,7 @@ from PIL import ImageColor
 
 from ethogram.core.scene import Scene
 from ethogram.report.pen import MUTED, Pen, colour, measure
+from ethogram.report.vector import VectorPen
 
 CONTRACTED, RESTING, EXPANDED = TINTS = ("#0072b2", "#bdbab1", "#d55e00")
 SATURATED = 0.1  # of the size at rest: a larger change does not change the colour further
@@ -61,7 +62,7 @@ class View(NamedTuple):
         return np.stack([x + zoom * right, y - zoom * up, depth], -1)
 
 
-def draw(pen: Pen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+def draw(pen: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
     """Draw a frame; returns where the shapes are: x, y and radius in pixels."""
     view = _view(scene, frame, pen.width, pen.height)
     _draw_floor(pen, view)
@@ -139,7 +140,7 @@ def _rgb(hexadecimal: str) -> Float[np.ndarray, "3"]:
 
 
 def _draw_cube(
-    pen: Pen,
+    pen: Pen | VectorPen,
     view: View,
     corners: Float[np.ndarray, "8 3"],
     normals: Float[np.ndarray, "6 3"],
@@ -161,7 +162,7 @@ def _hexadecimal(rgb: Float[np.ndarray, "3"]) -> str:
     return "#" + bytes(np.clip(rgb, 0, 255).astype(np.uint8)).hex()
 
 
-def _draw_floor(pen: Pen, view: View) -> None:
+def _draw_floor(pen: Pen | VectorPen, view: View) -> None:
     """Lines every `LINES` metres both ways, and below the shapes a track with marks and their x.
 
     On a larger floor the lines are further apart by a power of ten.

@@ -8,11 +8,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ethogram.core.findings import Claim, Table
+from ethogram.core.findings import Claim, Table, Verdict
 from ethogram.report import wording
 from ethogram.report.page import StudyPage
 from ethogram.report.pairing import Held, held, paired
 from ethogram.report.table_pairs import TablePair, compare_tables
+
+OPEN: frozenset[Verdict] = frozenset(("undecided", "not run"))  # that say neither yes nor no
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +42,20 @@ class ClaimPair:
 
     @property
     def changed(self) -> bool:
-        """Whether there are two verdicts, and they differ."""
-        return self.a is not None and self.b is not None and self.a.verdict != self.b.verdict
+        """Whether there are two verdicts, and they differ.
+
+        Not run is no verdict, and undecided is none either: one against the other is no change.
+        """
+        if self.a is None or self.b is None or self.a.verdict == self.b.verdict:
+            return False
+        return not {self.a.verdict, self.b.verdict} <= OPEN
+
+    @property
+    def alike(self) -> bool:
+        """Whether the effects are of one quantity: what is compared, and in which unit."""
+        if self.a is None or self.b is None or None in (self.a.effect, self.b.effect):
+            return True
+        return (self.a.unit, self.a.compared) == (self.b.unit, self.b.compared)
 
 
 @dataclass(frozen=True, kw_only=True)

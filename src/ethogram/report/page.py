@@ -6,9 +6,21 @@ from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from ethogram.core.findings import Claim, Figure, Table, Verdict
+from ethogram.core.introduction import Introduction
+from ethogram.core.scene import Scene
 from ethogram.report.replay import Replay
 
+TRIAL_RUN = "smoke"  # the plan that only shows that everything works
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A frame of a scene that a page opens with."""
+
+    scene: Scene
+    frame: int
+    caption: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,6 +30,7 @@ class StudyPage:
     name: str  # as on the command line, unique in a report
     title: str
     question: str
+    introduction: Introduction = field(default_factory=Introduction)
     plan: str
     plan_description: str
     trials: int | None  # per case, where all cases have as many
@@ -34,6 +47,24 @@ class StudyPage:
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
     replays: Sequence[Replay] = ()
+
+    @property
+    def opening(self) -> Picture | None:
+        """The frame to picture, among the scenes of the replays."""
+        wanted = self.introduction
+        scenes = [(each.name == wanted.case, each.scene) for each in self.replays]
+        found = [(named, scene) for named, scene in scenes if scene is not None and len(scene.tint)]
+        if not found:
+            return None
+        named, scene = max(found, key=lambda each: each[0])  # the first of those
+        frame = wanted.frame if named else len(scene.tint) // 3
+        caption = (wanted.caption if named or not wanted.case else "") or scene.title
+        return Picture(scene=scene, frame=min(frame, len(scene.tint) - 1), caption=caption)
+
+    @property
+    def comparable(self) -> bool:
+        """Whether its numbers may be held against published ones."""
+        return self.plan != TRIAL_RUN
 
     def tally(self) -> dict[Verdict, int]:
         """How many claims got each verdict, zeros included."""

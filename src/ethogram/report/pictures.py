@@ -5,7 +5,9 @@ at this one, and what the colours mean.  Scenes in the plane look as in `templat
 in space are drawn by `bodies`.
 """
 
+import math
 from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -15,16 +17,23 @@ from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene
 from ethogram.report import bodies
 from ethogram.report.pen import INK, MUTED, PAPER, RULE, Pen, colour, fitted, measure
+from ethogram.report.speech import HIGH, Speaker, boxes
+from ethogram.report.vector import VectorPen
 
 WIDTH, NARROWEST = 640, 100  # pixels of a picture
+STILL = 480  # of one that a page scales: its letters are to be read on a phone
 MARGIN = 8
 LINE = 18  # height of a line of text
-CHART = 72
-TEXT, SMALL, WORD, TINY = 12.0, 10.0, 11.0, 6.5  # sizes of letters
+CHART = 92
+TEXT, SMALL, WORD = 12.0, 10.0, 11.0  # sizes of letters
 MOST_HEIGHT = 0.75  # of a scene, of its width
 IN_SPACE = 16 / 9  # width over height of a scene in space
-HALF_SEEN = "8c"  # 55 %, of squares
 AXIS = 52  # room for numbers left of the chart
+EVERY = 70  # between marks on the axis below it, at least
+LINES = ("#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b")  # none is a tint's
+
+
+AnyPen = TypeVar("AnyPen", Pen, VectorPen)
 
 
 def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
@@ -45,7 +54,7 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
         raise EthogramError(f"A picture {width} pixels wide is too narrow: {NARROWEST} or more.")
     width -= width % 2
     room = width - 2 * MARGIN
-    stage = _stage(scene, frame, room)
+    stage = _stage(scene, frame, room, Pen)
     legend = _legend(scene, room)
     chart = CHART if any(lines.shape[1] for lines in scene.series.values()) else 0
     height = MARGIN + LINE + stage.height + LINE + 4 + chart + LINE * len(legend) + MARGIN
@@ -60,14 +69,41 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
         plot = Pen(room, chart)
         _plot(plot, scene, frame)
         sheet.paste(plot, (MARGIN, y))
-    y += chart + LINE // 2
-    for row in legend:
+    _write_legend(sheet, legend, y + chart + LINE // 2)
+    return sheet.picture()
+
+
+def still(scene: Scene, frame: int, *, width: int = STILL) -> str:
+    """One frame and what its colours mean as an SVG element, without title, caption and chart.
+
+    Args:
+        scene: in the plane or in space.
+        frame: which, from 0.
+        width: of the drawing (pixels).
+
+    Raises:
+        EthogramError: there is no such frame.
+
+    """
+    if not 0 <= frame < len(scene.tint):
+        raise EthogramError(f"Scene {scene.title!r} has no frame {frame}.")
+    stage = _stage(scene, frame, width - 2 * MARGIN, VectorPen)
+    legend = _legend(scene, width - 2 * MARGIN)
+    sheet = VectorPen(width, MARGIN + stage.height + LINE * len(legend) + MARGIN)
+    sheet.paste(stage, (MARGIN, MARGIN))
+    _write_legend(sheet, legend, MARGIN + stage.height + LINE // 2 + 2)
+    return sheet.svg()
+
+
+def _write_legend(
+    sheet: Pen | VectorPen, legend: list[list[tuple[float, str, str]]], y: float
+) -> None:
+    for at, row in enumerate(legend):
+        middle = y + LINE * at
         for x, look, meaning in row:
             left = MARGIN + x
-            sheet.box(((left, y - 5), (left + 10, y + 5)), look)
-            sheet.text((left + 15, y), meaning, SMALL, INK, anchor="lm")
-        y += LINE
-    return sheet.picture()
+            sheet.box(((left, middle - 5), (left + 10, middle + 5)), look)
+            sheet.text((left + 15, middle), meaning, SMALL, INK, anchor="lm")
 
 
 def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
@@ -80,17 +116,17 @@ def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
     sheet.text((MARGIN, y), caption, TEXT, INK, anchor="lm")
 
 
-def _stage(scene: Scene, frame: int, width: int) -> Pen:
+def _stage(scene: Scene, frame: int, width: int, pen: type[AnyPen]) -> AnyPen:
     """The scene itself, framed."""
     if scene.position.shape[2] == 3:
-        stage = Pen(width, round(width / IN_SPACE))
+        stage = pen(width, round(width / IN_SPACE))
         places = bodies.draw(stage, scene, frame)
         for shape in _visible(scene, frame, places):
             _draw_label(stage, scene, shape, places[shape])
     else:
         left, bottom, right, top = scene.bounds
         ratio = (right - left) / max(top - bottom, 1e-9)
-        stage = Pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
+        stage = pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
         places = _places(stage, scene, frame)
         _draw_plane(stage, scene, frame, places)
     _draw_words(stage, scene, frame, places)
@@ -98,7 +134,7 @@ def _stage(scene: Scene, frame: int, width: int) -> Pen:
     return stage
 
 
-def _places(stage: Pen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+def _places(stage: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
     """Where the shapes are: x, y and radius in pixels, the same scale on both axes."""
     left, bottom, right, top = scene.bounds
     across, up = max(right - left, 1e-9), max(top - bottom, 1e-9)
@@ -120,7 +156,9 @@ def _visible(scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> 
     return np.flatnonzero((scene.tint[frame] >= 0) & np.isfinite(places).all(1)).tolist()
 
 
-def _draw_plane(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
+def _draw_plane(
+    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+) -> None:
     visible = _visible(scene, frame, places)
     for link in scene.links:
         if set(link) <= set(visible):
@@ -131,18 +169,22 @@ def _draw_plane(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, 
         kind = scene.shapes[shape].kind
         if kind == "square":
             corners = (x - radius, y - radius), (x + radius, y + radius)
-            stage.box(corners, look + HALF_SEEN)
+            stage.box(corners, look)
         elif kind == "ring":
             stage.ring((x, y), max(radius, 1), look)
         elif kind != "text":
+            if radius > 3:  # a rim, so that it is seen on a square and beside others of its tint
+                stage.disc((x, y), radius + 1, PAPER)
             stage.disc((x, y), max(radius, 1), look)
         _draw_label(stage, scene, shape, places[shape])
 
 
-def _draw_label(stage: Pen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]) -> None:
+def _draw_label(
+    stage: Pen | VectorPen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]
+) -> None:
     """Within a circle where there is room, else above it.
 
-    A square's is below, unlike in the player: above are words, and what stands on the square.
+    A square's is below it: above are words, and what stands on the square.
     """
     kind, label = scene.shapes[shape].kind, scene.shapes[shape].label
     if not label:
@@ -156,24 +198,40 @@ def _draw_label(stage: Pen, scene: Scene, shape: int, place: Float[np.ndarray, "
     stage.text((x, y), shown, size, PAPER if inside else INK, halo=not inside)
 
 
-def _draw_words(stage: Pen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> None:
-    """What shapes say, above them, smaller where it would hide what a neighbour says."""
+def _draw_words(
+    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+) -> None:
+    """What shapes say, beside them; where there is no room, a dot tells that they say something."""
     if scene.said is None:
         return
-    for shape in _visible(scene, frame, places):
-        said = int(scene.said[frame, shape])
-        if not 0 <= said < len(scene.words):
+    solid = scene.position.shape[2] == 3
+    heard = [
+        shape
+        for shape in _visible(scene, frame, places)
+        if solid or scene.shapes[shape].kind in ("circle", "ring") or scene.said[frame, shape] >= 0
+    ]
+    words = [_word(scene, frame, shape, stage.width) for shape in heard]
+    speakers = [
+        Speaker._make((*places[shape].tolist(), measure(word, WORD) + 8 if word else 0.0))
+        for shape, word in zip(heard, words, strict=True)
+    ]
+    found = boxes(speakers, stage.width, stage.height)
+    for word, (x, y, radius, wide), box in zip(words, speakers, found, strict=True):
+        if box is None:
+            if wide:
+                stage.disc((x, y - radius), 3, INK)
             continue
-        word = fitted(scene.words[said], WORD, stage.width - 4)
-        x, y, radius = places[shape].tolist()
-        shrunk = min(1.0, 2.5 * radius / max(measure(word, WORD), 1.0))
-        size = max(TINY, round(2 * WORD * shrunk) / 2)
-        half_wide, half_high = measure(word, size) / 2 + 2, size / 2 + 3
-        x = min(max(x, half_wide), stage.width - half_wide)
-        y = max(y - radius - half_high - 1, half_high)
-        corners = (x - half_wide, y - half_high), (x + half_wide, y + half_high)
-        stage.box(corners, INK, PAPER)
-        stage.text((x, y), word, size, PAPER)
+        if box.bottom < y - radius - HIGH:
+            stage.line([(x, y - radius), (min(max(x, box.left), box.right), box.bottom)], INK)
+        stage.box((box[:2], box[2:]), PAPER, INK)
+        middle = (box.left + box.right) / 2, (box.top + box.bottom) / 2
+        stage.text(middle, word, WORD, INK)
+
+
+def _word(scene: Scene, frame: int, shape: int, room: float) -> str:
+    """What a shape says, cut to the room there is; nothing if it is silent."""
+    said = -1 if scene.said is None else int(scene.said[frame, shape])
+    return fitted(scene.words[said], WORD, room - 8) if 0 <= said < len(scene.words) else ""
 
 
 def _plot(chart: Pen, scene: Scene, frame: int) -> None:
@@ -182,28 +240,54 @@ def _plot(chart: Pen, scene: Scene, frame: int) -> None:
     known = np.isfinite(lines)
     low, high = (lines[known].min(), lines[known].max()) if known.any() else (0.0, 1.0)
     high = high if high > low else low + 1
-    x = AXIS + 4 + (chart.width - AXIS - 10) * np.arange(len(lines)) / max(1, len(lines) - 1)
-    top, bottom = 20, chart.height - 6
+    left, right = AXIS + 4, chart.width - 6
+    x = left + (right - left) * np.arange(len(lines)) / max(1, len(lines) - 1)
+    top, bottom = 20, chart.height - 26
     y = bottom - (bottom - top) * (lines - low) / (high - low)
     for number, place in ((high, top), (low, bottom)):
         shown = fitted(f"{number:.3g}", SMALL, AXIS)
         chart.text((AXIS, place - 1), shown, SMALL, MUTED, anchor="rm")
-    for left, name, look in _series_names(scene, chart.width - AXIS - 8):
-        chart.text((AXIS + 4 + left, 8), name, SMALL, look, anchor="lm")
+    chart.line([(left, bottom), (right, bottom)], MUTED)
+    for mark in _marks(len(lines), right - left):
+        chart.line([(x[mark], bottom), (x[mark], bottom + 4)], MUTED)
+        words = str(mark) if mark else "frame 0"
+        chart.text((x[mark], bottom + 12), words, SMALL, MUTED)
+    for away, name, look in _series_names(scene, chart.width - AXIS - 8):
+        chart.text((AXIS + 4 + away, 8), name, SMALL, look, anchor="lm")
     for line in range(lines.shape[1]):
         at = known[:, line]
         if at.sum() > 1:
-            chart.line(np.column_stack([x[at], y[at, line]]), colour(line), 1.4)
-    chart.line([(x[frame], top - 4), (x[frame], chart.height - 2)], INK)
+            chart.line(np.column_stack([x[at], y[at, line]]), _line_colour(line), 1.4)
+    chart.line([(x[frame], top - 4), (x[frame], bottom + 4)], INK)
+
+
+def _marks(frames: int, room: float) -> range:
+    """Round numbers of frames, not too near to each other."""
+    least = max(1.0, (frames - 1) * EVERY / room)
+    ten = int(10.0 ** math.floor(math.log10(least)))
+    step = next(ten * each for each in (1, 2, 5, 10) if ten * each >= least)
+    return range(0, frames, step)
+
+
+def _line_colour(line: int) -> str:
+    return LINES[line % len(LINES)]
 
 
 def _series_names(scene: Scene, room: float) -> Iterator[tuple[float, str, str]]:
-    """Where names of series are and in which colours: that of its line if it has but one."""
+    """Where names of lines are, and in which colours; of a series with many, one for all."""
     left, line = 0.0, 0
     for name, lines in scene.series.items():
-        shown = fitted(name, SMALL, max(room - left, 0.0))
-        yield left, shown, colour(line) if lines.shape[1] == 1 else MUTED
-        left, line = left + measure(shown, SMALL) + 12, line + lines.shape[1]
+        count = lines.shape[1]
+        named = [f"{name} {at + 1}" if count > 1 else name for at in range(count)]
+        wide = sum(measure(each, SMALL) + 12 for each in named)
+        if count > len(LINES) or wide > room - left:
+            named = [f"{name}, {count} lines"]
+        for at, each in enumerate(named):
+            shown = fitted(each, SMALL, max(room - left, 0.0))
+            look = _line_colour(line + at) if len(named) == count else MUTED
+            yield left, shown, look
+            left += measure(shown, SMALL) + 12
+        line += count
 
 
 def _legend(scene: Scene, room: float) -> list[list[tuple[float, str, str]]]:

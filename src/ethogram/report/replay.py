@@ -1,21 +1,23 @@
 """Recorded scenes packed for the player: numbers as 16-bit steps, compressed, inside the page.
 
 The player (`templates/replay.js`, with a stage for the plane and one for space) draws what it is
-given and knows no world.  Positions and sizes
-are rounded to one of 65 535 steps between the smallest and the largest; every number but those of
-the first frame is stored as its difference from the frame before, which compresses well.
+given and knows no world.  Every number that a frame has (a shape's x, say) is rounded to one of
+65 535 steps between its own smallest and largest in all frames, so that no shape takes the others'
+precision; all but those of the first frame are stored as differences from the frame before, which
+compress well.  A scene that would take more room than there is loses frames, evenly, and says so.
 """
 
 import base64
 import gzip
 import json
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ethogram.core.scene import Scene
+from ethogram.core.scene import OPTIONAL, Scene
 
 STEPS = 65_534  # between the smallest and the largest number
 NO_NUMBER = -32_768  # the one 16-bit number that is no step
@@ -36,9 +38,75 @@ class Replay:
         return self.scene is not None and self.scene.position.shape[2] == 3
 
 
-def packed(replays: Sequence[Replay]) -> str:
-    """All replays of a page as JSON that can stand inside a page's script element."""
-    text = json.dumps([_scene(each) for each in replays], allow_nan=False)
+def packed(replays: Sequence[Replay], room: float = math.inf) -> str:
+    """All replays of a page as JSON that can stand inside a page's script element.
+
+    Args:
+        replays: what to show.
+        room: how long the text may be; scenes that need more than their share of it are thinned.
+
+    """
+    texts = [_text(replay) for replay in replays]
+    limit = _share([len(text) for text in texts], room)
+    fitting = [
+        text if len(text) <= limit else _thinned(replay, len(text), limit)
+        for replay, text in zip(replays, texts, strict=True)
+    ]
+    return f"[{', '.join(fitting)}]"
+
+
+def _share(sizes: Sequence[int], room: float) -> float:
+    """How long a text may be so that all together have room: what short ones leave is shared."""
+    left, room = len(sizes), room - 2 * len(sizes)  # brackets and commas
+    limit = room
+    for size in sorted(sizes):
+        limit = room / left
+        if size > limit:
+            return limit
+        room, left = room - size, left - 1
+    return math.inf
+
+
+def _thinned(replay: Replay, size: int, limit: float) -> str:
+    """With as many frames as there is room for, or with the reason why there is none."""
+    scene = replay.scene
+    if scene is None:
+        return _text(replay)
+    frames, step = len(scene.tint), 1
+    while limit > 0 and step < frames:
+        step = min(frames, max(step + 1, math.ceil(step * size / limit)))
+        text = _text(replace(replay, scene=every(scene, step)), thinned=(frames, step))
+        size = len(text)
+        if size <= limit:
+            return text
+    trouble = "even a single frame needs more room than this page has for it"
+    return _text(replace(replay, scene=None, trouble=trouble))
+
+
+def every(scene: Scene, step: int) -> Scene:
+    """Every so-many-th frame of a scene, each shown for as much longer: it takes the same time."""
+    arrays = {name: getattr(scene, name) for name in OPTIONAL}
+    optional: dict[str, Any] = {
+        name: array[::step] for name, array in arrays.items() if array is not None
+    }
+    if scene.fresh is not None:  # what was there anew in between did not move to where it is
+        groups = np.pad(scene.fresh, ((step - 1, 0), (0, 0)))[: step * len(scene.tint[::step])]
+        optional["fresh"] = groups.reshape(-1, step, groups.shape[1]).any(1)
+    return replace(
+        scene,
+        frame_seconds=scene.frame_seconds * step,
+        position=scene.position[::step],
+        tint=scene.tint[::step],
+        captions=scene.captions[::step],
+        chapters=scene.chapters[::step],
+        series={name: lines[::step] for name, lines in scene.series.items()},
+        **optional,
+    )
+
+
+def _text(replay: Replay, thinned: tuple[int, int] | None = None) -> str:
+    """A replay as JSON, with how many frames there were and every which of them is left."""
+    text = json.dumps(_scene(replay) | ({"thinned": thinned} if thinned else {}), allow_nan=False)
     # no text can end the element or begin a comment in it
     for mark in "<>&":
         text = text.replace(mark, f"\\u{ord(mark):04x}")
@@ -91,18 +159,29 @@ def _beginnings(chapters: Sequence[str]) -> list[tuple[int, str]]:
 
 
 def _rounded(values: np.ndarray) -> dict[str, Any]:
-    """Numbers as steps; what is not finite is no number."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-    step = (high - low) / STEPS or 1.0
-    steps = np.round((np.where(np.isfinite(values), values, low) - low) / step) - STEPS // 2
-    steps = np.where(np.isfinite(values), steps, NO_NUMBER)
-    return {"low": low, "step": step, "data": _compressed(steps)}
+    """Numbers as steps of their own range over the frames; what is not finite is no number.
+
+    The ranges, all lows and then all steps, are in 32 bits, as is what the player makes of them.
+    """
+    numbers = values.reshape(len(values), -1).astype(float)
+    finite = np.isfinite(numbers)
+    low = np.where(finite, numbers, np.inf).min(0, initial=np.inf)
+    high = np.where(finite, numbers, -np.inf).max(0, initial=-np.inf)
+    low = np.where(np.isfinite(low), low, 0.0).astype("<f4").astype(float)
+    high = np.where(np.isfinite(high), high, low)
+    step = ((high - low) / STEPS).astype("<f4").astype(float)
+    step = np.where(step > 0, step, 1.0)
+    steps = np.clip(np.round((np.where(finite, numbers, low) - low) / step), 0, STEPS) - STEPS // 2
+    ranges = np.concatenate([low, step]).astype("<f4").tobytes()
+    return {
+        "ranges": base64.b64encode(ranges).decode(),
+        "data": _compressed(np.where(finite, steps, NO_NUMBER)),
+    }
 
 
 def _whole(values: np.ndarray) -> dict[str, Any]:
     """Whole numbers as they are."""
-    return {"low": float(-(STEPS // 2)), "step": 1.0, "data": _compressed(values)}
+    return {"data": _compressed(values)}
 
 
 def _compressed(numbers: np.ndarray) -> str:

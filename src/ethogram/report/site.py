@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,66 +14,102 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ethogram.core.errors import EthogramError
-from ethogram.report import drawings, tables, wording
+from ethogram.report import drawings, margins, tables, wording
 from ethogram.report.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
+from ethogram.report.pictures import still
 from ethogram.report.replay import Replay, packed
 
 INDEX = "index.html"
+OPENING = "opening"  # the picture that a study's page opens with
+SCENES = Markup("<scenes/>")  # stands for them until it is known how much room they have
 MOST_REPLAYS = 10  # of a page; all others are a command away
+PAGE_BYTES = 10_000_000  # of a page, unless asked otherwise: replays have what the rest leaves
 PAGES = "report"  # apart from the store's folders, which may stand beside it
 
 
-def write(folder: Path, pages: Sequence[StudyPage]) -> Path:
-    """Write the report on `pages` into `folder`, in place of an earlier one; returns its index."""
+def page_bytes(megabytes: float) -> int:
+    """How many bytes a page may take.
+
+    Raises:
+        EthogramError: not a number above 0.
+
+    """
+    if not 0 < megabytes < math.inf:
+        raise EthogramError(f"A page cannot take {megabytes} MB; allowed: a number above 0.")
+    return round(1_000_000 * megabytes)
+
+
+def write(folder: Path, pages: Sequence[StudyPage], *, page_bytes: int = PAGE_BYTES) -> Path:
+    """Write the report on `pages` into `folder`, in place of an earlier one; returns its index.
+
+    Where a page would be larger than `page_bytes`, its replays lose frames and say so.
+    """
     _refuse_twins("studies", [page.name for page in pages])
     files: dict[str, str] = {}
     for page in pages:
-        files |= dict(_study_files(page))
+        files |= dict(_study_files(page, page_bytes))
     files[INDEX] = _render("index.html", pages=pages, root="")
     publish(folder, files)
     return folder / INDEX
 
 
-def _study_files(page: StudyPage) -> Iterator[tuple[str, str]]:
+def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
     """The data of the page, then the page, so that its links always lead somewhere."""
     _refuse_twins(
         f"tables and figures of study {page.name!r}",
-        [table.name for table in page.tables] + [figure.name for figure in page.figures],
+        [
+            *(table.name for table in page.tables),
+            *(figure.name for figure in page.figures),
+            *([OPENING] if page.opening else []),
+        ],
     )
     data = f"{PAGES}/{slug(page.name)}"
+    picture = _opening(page)
+    if picture:
+        alone = drawings.alone(picture["svg"], name=OPENING, alt=picture["caption"])
+        yield f"{data}/{OPENING}.svg", alone
     for table in page.tables:
         yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
     for figure in page.figures:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
-        picture = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
-        yield f"{data}/{slug(figure.name)}.svg", picture
-    shared = {"page": page, "data": slug(page.name), "root": "../"}
+        alone = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        yield f"{data}/{slug(figure.name)}.svg", alone
+    shared = {"page": page, "data": slug(page.name), "root": "../", "picture": picture}
     yield f"{data}.md", _render("study.md", **shared)
-    yield f"{data}.html", _render("study.html", **shared, **_player(page.replays))
+    yield f"{data}.html", _played("study.html", page.replays, page_bytes, **shared)
 
 
-def write_replay(file: Path, study: str, replays: Sequence[Replay]) -> None:
+def _opening(page: StudyPage) -> dict[str, str]:
+    """The picture that a page opens with, drawn, and what is to be seen."""
+    found = page.opening
+    return {"svg": still(found.scene, found.frame), "caption": found.caption} if found else {}
+
+
+def write_replay(
+    file: Path, study: str, replays: Sequence[Replay], *, page_bytes: int = PAGE_BYTES
+) -> None:
     """Write a page of replays, which can be sent to others as it is.
+
+    Where it would be larger than `page_bytes`, they lose frames and say so.
 
     Raises:
         EthogramError: the file cannot be written, or is there and is no page of ours.
 
     """
-    publish_one(file, replay_page(study, replays))
+    publish_one(file, replay_page(study, replays, page_bytes))
 
 
-def replay_page(study: str | None, replays: Sequence[Replay]) -> str:
+def replay_page(study: str | None, replays: Sequence[Replay], page_bytes: int = PAGE_BYTES) -> str:
     """A page of its own, on which replays can be played; the first one gives it its title.
 
     Replays that are of no study stand alone on it, for a frame in another page.
     """
     first = replays[0]
     title = first.name if first.scene is None else first.scene.title
-    shown = _player(replays)
     template = "notebook.html" if study is None else "replay.html"
-    return _render(template, study=study, title=title, root="../", **shown)
+    return _played(template, replays, page_bytes, study=study, title=title, root="../")
 
 
 def write_comparison(file: Path, comparison: Comparison) -> None:
@@ -85,17 +122,21 @@ def write_comparison(file: Path, comparison: Comparison) -> None:
     publish_one(file, _render("compare.html", comparison=comparison, root=""))
 
 
-def _player(replays: Sequence[Replay]) -> dict[str, object]:
-    """Scenes and what shows them; a page without scenes has no script at all."""
+def _played(template: str, replays: Sequence[Replay], page_bytes: int, **values: object) -> str:
+    """A page with replays and what plays them; one without any has no script at all."""
     shown = _spread(replays)
     script = _script(solid=any(replay.solid for replay in shown)) if shown else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return {
-        "replays": Markup(packed(shown)) if shown else "",  # safe in a script element
-        "left_out": len(replays) - len(shown),
-        "player": Markup(script),
-        "player_hash": f"sha256-{digest}",
-    }
+    page = _render(
+        template,
+        replays=SCENES if shown else "",
+        left_out=len(replays) - len(shown),
+        player=Markup(script),
+        player_hash=f"sha256-{digest}",
+        **values,
+    )
+    room = page_bytes - len(page.encode(errors="replace"))
+    return page.replace(SCENES, packed(shown, room)) if shown else page
 
 
 def _spread(replays: Sequence[Replay]) -> list[Replay]:
@@ -113,7 +154,7 @@ def _script(*, solid: bool) -> str:
     """The player, with the library that draws in space, and its licence, where it is needed."""
     licence = f"/*!\n{_part('vendor/three.LICENSE')}*/" if solid else ""
     files = ("vendor/three.js", "templates/space.js") if solid else ()
-    ours = ("templates/plane.js", "templates/replay.js")
+    ours = ("templates/plane.js", "templates/chart.js", "templates/replay.js")
     return "\n".join(['"use strict";', licence, *map(_part, (*files, *ours))])
 
 
@@ -166,6 +207,11 @@ def _environment() -> Environment:
         "lay_out": tables.lay_out,
         "inlined": _inlined,
         "effect": wording.effect,
+        "claimed": margins.claimed,
+        "margin_line": margins.line,
+        "note": wording.note,
+        "shared_history": wording.shared_history,
+        "stated": wording.stated,
         "dotted": wording.dotted,
         "pages_folder": PAGES,
     }

@@ -82,6 +82,16 @@ class TablePair:
         return heads[-1] if heads else 0
 
     @property
+    def ranged(self) -> bool:
+        """Whether either table has ranges of few trials in place of intervals."""
+        return any(
+            isinstance(cell, Measured) and cell.bounds == "range"
+            for table in (self.a, self.b)
+            for row in table.rows
+            for cell in row
+        )
+
+    @property
     def marked(self) -> bool:
         """Whether any two intervals lie apart."""
         return any(cell.side for row in self.rows for cell in row.cells)
@@ -228,6 +238,8 @@ def _number(cell: Cell) -> float | None:
 def _side(a: Cell, b: Cell) -> Side:
     """Where B's interval lies as seen from A's, if they have no point in common."""
     if not (isinstance(a, Measured) and isinstance(b, Measured)):
+        return ""
+    if "range" in (a.bounds, b.bounds):  # of too few trials to tell
         return ""
     if a.high is not None and b.low is not None and a.high < b.low:
         return "above"

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -11,6 +12,8 @@ from ethogram.report import wording
 
 Kind = Literal["head", "text", "number"]
 Side = Literal["", "above", "below"]
+MORE_DECIMALS = 3  # than published numbers have, at most
+TO = "to"  # between the ends of a range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +22,7 @@ class Shown:
 
     text: str
     kind: Kind
-    interval: str = ""
+    interval: str = ""  # in brackets; a range of few trials in words
     side: Side = ""  # of the published value, where the measured interval lies wholly
 
 
@@ -29,8 +32,9 @@ class Column:
 
     name: str
     kind: Kind
-    decimals: int
+    decimals: int  # of what was measured
     compared: bool
+    printed: int = 0  # decimals of published numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,19 +55,33 @@ class Layout:
         return any(column.compared for column in self.columns)
 
     @property
+    def ranged(self) -> bool:
+        """Whether any measured number has a range of its trials in place of an interval."""
+        return any(f" {TO} " in cell.interval for row in self.rows for cell in row)
+
+    @property
     def marked(self) -> bool:
         """Whether any published value lies outside the measured interval."""
         return any(cell.side for row in self.rows for cell in row)
 
 
-def lay_out(table: Table) -> Layout:
-    """Decide what each column is, and word every cell."""
-    columns = tuple(_columns(table))
+def lay_out(table: Table, *, comparable: bool = True) -> Layout:
+    """Decide what each column is, and word every cell.
+
+    Args:
+        table: what was measured.
+        comparable: whether it may be held against what is published, and marked where it differs;
+            a run that was only to show that everything works may not.
+
+    """
+    columns = tuple(_columns(table, comparable=comparable))
     rows = tuple(
         tuple(
             shown
             for column, cell in zip(columns, row, strict=True)
-            for shown in (_compared if column.compared else _plain)(column, cell)
+            for shown in (
+                _compared(column, cell, comparable) if column.compared else _plain(column, cell)
+            )
         )
         for row in table.rows
     )
@@ -102,7 +120,7 @@ def _by_column(table: Table) -> list[tuple[Cell, ...]]:
     return [tuple(row[index] for row in table.rows) for index in range(len(table.columns))]
 
 
-def _columns(table: Table) -> Iterator[Column]:
+def _columns(table: Table, *, comparable: bool) -> Iterator[Column]:
     """Leading columns of text head the rows (only the first where there is nothing but text)."""
     by_column = _by_column(table)
     texts = [_is_text(cells) for cells in by_column]
@@ -110,16 +128,38 @@ def _columns(table: Table) -> Iterator[Column]:
     for index, (name, cells) in enumerate(zip(table.columns, by_column, strict=True)):
         measured = [cell for cell in cells if isinstance(cell, Measured)]
         published = [cell.published for cell in measured if cell.published is not None]
+        printed = max(map(wording.decimals_printed, published), default=0)
         yield Column(
             name=name,
             kind="head" if index < heads else "text" if texts[index] else "number",
             decimals=(
-                max(map(wording.decimals_printed, published))
+                _telling(measured if comparable else [], printed)
                 if published
                 else wording.decimals_for(_values(cells))
             ),
             compared=bool(published),
+            printed=printed,
         )
+
+
+def _telling(cells: Sequence[Measured], decimals: int) -> int:
+    """Decimals, a few more if need be, with which numbers show what is marked beside them."""
+    differing = [cell for cell in cells if _side(cell)]
+    for more in range(MORE_DECIMALS + 1):
+        if all(_shows(cell, decimals + more) for cell in differing):
+            return decimals + more
+    return decimals
+
+
+def _shows(cell: Measured, decimals: int) -> bool:
+    """Whether the rounded interval leaves the published value out, as the exact one does."""
+    if cell.published is None:
+        return False
+    low, high = (
+        round(bound, decimals) if bound is not None else off
+        for bound, off in ((cell.low, -math.inf), (cell.high, math.inf))
+    )
+    return cell.published < low or high < cell.published
 
 
 def _is_text(cells: Sequence[Cell]) -> bool:
@@ -136,13 +176,21 @@ def _values(cells: Sequence[Cell]) -> Iterator[float]:
 
 def _plain(column: Column, cell: Cell) -> tuple[Shown, ...]:
     if isinstance(cell, Measured):
-        span = wording.interval(cell.low, cell.high, column.decimals)
+        span = _span(cell, column.decimals)
         text = wording.number(cell.value, column.decimals)
         return (Shown(text=text, kind=column.kind, interval=span),)
     return (Shown(text=_worded(cell, column.decimals), kind=column.kind),)
 
 
-def _compared(column: Column, cell: Cell) -> tuple[Shown, ...]:
+def _span(cell: Measured, decimals: int) -> str:
+    """An interval in brackets, or "(1 to 3)", the range of trials that are too few for one."""
+    if cell.bounds == "range" and cell.low is not None and cell.high is not None:
+        low, high = (wording.number(bound, decimals) for bound in (cell.low, cell.high))
+        return f"({low} {TO} {high})"
+    return wording.interval(cell.low, cell.high, decimals)
+
+
+def _compared(column: Column, cell: Cell, comparable: bool) -> tuple[Shown, ...]:
     """Measured, published, difference."""
     (measured,) = _plain(column, cell)
     published = cell.published if isinstance(cell, Measured) else None
@@ -152,15 +200,22 @@ def _compared(column: Column, cell: Cell) -> tuple[Shown, ...]:
     difference = wording.number(cell.value - published, column.decimals, signed=True)
     return (
         measured,
-        Shown(text=wording.number(published, column.decimals), kind=column.kind),
-        Shown(text=difference, kind=column.kind, side=_side(cell, published)),
+        Shown(text=wording.number(published, column.printed), kind=column.kind),
+        Shown(
+            text=difference,
+            kind=column.kind,
+            side=_side(cell) if comparable and _shows(cell, column.decimals) else "",
+        ),
     )
 
 
-def _side(cell: Measured, published: float) -> Side:
-    if cell.low is not None and published < cell.low:
+def _side(cell: Measured) -> Side:
+    """Where the interval lies as seen from the published value; a range of trials tells nothing."""
+    if cell.published is None or cell.bounds == "range":
+        return ""
+    if cell.low is not None and cell.published < cell.low:
         return "above"
-    if cell.high is not None and published > cell.high:
+    if cell.high is not None and cell.published > cell.high:
         return "below"
     return ""
 

@@ -2,11 +2,11 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Any
 
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Revision
 
 MINUS = "\N{MINUS SIGN}"
 THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
@@ -71,6 +71,55 @@ def effect(claim: Claim) -> tuple[str, str]:
             decimals = max(borne, decimals_for([claim.effect], digits=1))
     amount = f"{number(claim.effect, decimals)} {claim.unit}".rstrip()
     return amount, interval(claim.low, claim.high, borne)
+
+
+def stated(claims: Sequence[Claim], date: str) -> str:
+    """When the claims of a run of that date were stated, as far as they say it themselves."""
+    undated = [claim.number for claim in claims if not claim.stated]
+    late = [claim.number for claim in claims if claim.stated > date]
+    changed = [claim.number for claim in claims if claim.history]
+    sentences = []
+    if not undated and not late:
+        first = "first " if changed else ""
+        sentences.append(f"Each was {first}stated before the run, with its test and margin.")
+    else:
+        sentences.append("Each has its test and margin.")
+    if late:
+        sentences.append(f"{_claims(late)} stated after the run.")
+    if undated and len(undated) < len(claims):
+        sentences.append(f"It is not recorded when {_claims(undated).lower()} stated.")
+    elif undated:
+        sentences.append("It is not recorded when they were stated.")
+    if len(changed) == len(claims) > 1:
+        sentences.append("The tests of all have changed since, as is said below.")
+    elif changed:
+        was = "its test has" if len(changed) == 1 else "their tests have"
+        sentences.append(f"{_numbers(changed)}: {was} changed since, as is said there.")
+    return " ".join(sentences)
+
+
+def shared_history(claims: Sequence[Claim]) -> tuple[Revision, ...]:
+    """The changes that all claims have in common, where there are several: said once for all."""
+    if len(claims) < 2:
+        return ()
+    first, *others = (claim.history for claim in claims)
+    return tuple(one for one in first if all(one in history for history in others))
+
+
+def note(claim: Claim) -> str:
+    """A claim's note, without the comparison that decided where that is told apart."""
+    told = f"rests on: {claim.compared}"
+    return "; ".join(part for part in claim.note.split("; ") if part != told)
+
+
+def _claims(numbers: Sequence[int]) -> str:
+    return f"{_numbers(numbers)} {'was' if len(numbers) == 1 else 'were'}"
+
+
+def _numbers(numbers: Sequence[int]) -> str:
+    """Claims by their numbers: "Claim 1", "Claims 1, 2 and 6"."""
+    *first, last = map(str, numbers)
+    return f"Claims {', '.join(first)} and {last}" if first else f"Claim {last}"
 
 
 def p_value(value: float | None) -> str:

@@ -4,16 +4,17 @@
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const HALF = 32767;
   const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a87400", "#7d7d7d"];
-  const LANES = ["#009e73", "#cc79a7", "#a87400", "#7b4fb5", "#2b8ca3", "#7d7d7d"];
+  const LANES = ["#009e73", "#cc79a7", "#a87400", "#7b4fb5", "#2b8ca3", "#7d7d7d"]; // in space
   const MARKS = "ABCDEFGHIJ"; // of scenes side by side, as many as a page can have
   const root = document.getElementById("replay");
   const scenes = JSON.parse(document.getElementById("replay-scenes").textContent);
   const part = name => root.querySelector(`[data-part="${name}"]`);
-  const flat = part("canvas"), solid = part("space"), chart = part("chart");
+  const flat = part("canvas"), solid = part("space");
   const slider = part("frame"), play = part("play"), caption = part("caption"), clock = part("clock");
   const legend = part("legend"), choice = part("scene"), trial = part("trial");
   const chapter = part("chapter"), beside = part("beside"), follow = part("follow");
   const speed = part("speed"), loop = part("loop"), error = part("error");
+  const thinned = part("thinned");
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const colour = tint => COLOURS[tint % COLOURS.length];
   const laneColour = lane => LANES[lane % LANES.length];
@@ -21,18 +22,27 @@
   const spaceOnly = document.querySelectorAll("[data-only=space]");
   const stages = {}, read = new Map();
   let cast = [], stage = null, frames = 0, frame = 0, playing = false, last = 0, owed = 0;
-  let asked = 0, look = null, sheet = null;
+  let asked = 0, look = null;
 
   function theme() {
     if (look) return look;
     const style = getComputedStyle(root);
     const value = name => style.getPropertyValue(`--${name}`).trim();
-    look = { ink: value("ink"), paper: value("paper"), muted: value("muted"), rule: value("rule") };
+    look = { ink: value("ink"), paper: value("paper"), muted: value("muted"), rule: value("rule"),
+      wash: value("wash") };
     return look;
   }
 
+  const chart = chartOf(part("chart"), part("lines"), theme);
+
+  const bytesOf = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+
+  // Steps of each number's own range, its low and the size of a step; or whole numbers.
   async function numbers(stored, length, frames) {
-    const bytes = Uint8Array.from(atob(stored.data), letter => letter.charCodeAt(0));
+    const bytes = bytesOf(stored.data);
+    const ranges = stored.ranges && new DataView(bytesOf(stored.ranges).buffer);
+    const low = place => ranges.getFloat32(4 * place, true);
+    const size = place => ranges.getFloat32(4 * (length + place), true);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
     const steps = new DataView(await new Response(stream).arrayBuffer());
     if (steps.byteLength !== 2 * length * frames) throw new Error("its numbers are cut short");
@@ -40,7 +50,9 @@
     for (let index = 0; index < found.length; index++) {
       const place = index % length;
       at[place] += steps.getInt16(2 * index, true);
-      found[index] = at[place] === -HALF - 1 ? NaN : stored.low + (at[place] + HALF) * stored.step;
+      if (!ranges) found[index] = at[place];
+      else if (at[place] === -HALF - 1) found[index] = NaN;
+      else found[index] = low(place) + (at[place] + HALF) * size(place);
     }
     return found;
   }
@@ -110,7 +122,7 @@
     frames = Math.max(0, ...cast.map(each => each.scene.frames));
     slider.max = Math.max(0, frames - 1);
     root.dataset.frames = frames;
-    chart.hidden = !cast.some(each => lineCount(each.scene) > 0);
+    chart.show(cast, frames, laneColour);
     describe();
     go(0);
   }
@@ -132,79 +144,21 @@
     cast[0].scene.palette.forEach((meaning, tint) => add(tones[tint] ?? colour(tint), meaning));
     if (cast.length > 1)
       cast.forEach(({ scene, mark }, lane) => add(laneColour(lane), `${mark}: ${titled(scene)}`));
+    thinned.replaceChildren(...cast.flatMap(({ scene, mark }) => {
+      if (!scene.thinned) return [];
+      const [all, step] = scene.thinned, which = cast.length > 1 ? `${mark}: ` : "";
+      return `${which}of ${all} frames every ${nth(step)} is shown; a film (MP4) has them all. `;
+    }));
+    thinned.hidden = !thinned.hasChildNodes();
     const marks = cast.length === 1 ? cast[0].scene.chapters : [];
     chapter.replaceChildren(...marks.map(([first, name]) => new Option(name, first)));
     chapter.closest("label").hidden = marks.length < 2;
     part("ticks").replaceChildren(...marks.map(([first]) => new Option("", first)));
   }
 
-  const titled = scene => scene.name + (scene.trial > 1 ? `, trial ${scene.trial}` : "");
-
-  // What is plotted: all lines of one scene, or the first of each of several.
-  function curves() {
-    const several = cast.length > 1;
-    return cast.flatMap(({ scene, arrays }, lane) => {
-      const count = lineCount(scene);
-      return Array.from({ length: several ? Math.min(1, count) : count }, (_, line) => ({
-        colour: several ? laneColour(lane) : colour(line), frames: scene.frames,
-        value: at => arrays.series[at * count + line],
-      }));
-    });
-  }
-
-  // The curves are drawn once, and then only the mark moves.
-  function plot() {
-    if (!cast.length || chart.hidden) return;
-    const { pen, width, height } = fitted(chart);
-    const sort = [width, height, chart.width, theme().ink].join();
-    if (!sheet || sheet.cast !== cast || sheet.sort !== sort) {
-      sheet = { cast, sort, paper: document.createElement("canvas") };
-      sheet.paper.width = chart.width;
-      sheet.paper.height = chart.height;
-      const copy = sheet.paper.getContext("2d");
-      copy.setTransform(pen.getTransform());
-      drawCurves(copy, width, height);
-    }
-    if (!sheet.paper.width || !sheet.paper.height) return;
-    pen.drawImage(sheet.paper, 0, 0, width, height);
-    const x = across(width)(frame);
-    pen.strokeStyle = theme().ink;
-    pen.lineWidth = 1.2;
-    pen.beginPath();
-    pen.moveTo(x, 12);
-    pen.lineTo(x, height - 4);
-    pen.stroke();
-  }
-
-  const across = width => at => 44 + (width - 50) * at / Math.max(1, frames - 1);
-
-  function drawCurves(pen, width, height) {
-    const lines = curves();
-    let low = Infinity, high = -Infinity;
-    for (const { frames, value } of lines)
-      for (let at = 0; at < frames; at++) {
-        if (Number.isNaN(value(at))) continue;
-        low = Math.min(low, value(at));
-        high = Math.max(high, value(at));
-      }
-    if (!(high > low)) high = low + 1;
-    const x = across(width), y = value => height - 8 - (height - 24) * (value - low) / (high - low);
-    const titles = cast[0].scene.lines.map(([name]) => name);
-    pen.font = "10px sans-serif";
-    pen.fillStyle = theme().muted;
-    pen.textAlign = "right";
-    pen.fillText(+high.toPrecision(3), 40, y(high) + 4);
-    pen.fillText(+low.toPrecision(3), 40, y(low));
-    pen.textAlign = "left";
-    pen.fillText(cast.length > 1 ? titles[0] ?? "" : titles.join(", "), 46, 9);
-    pen.lineWidth = 1.2;
-    for (const line of lines) {
-      pen.strokeStyle = line.colour;
-      pen.beginPath();
-      for (let at = 0; at < line.frames; at++) pen.lineTo(x(at), y(line.value(at)));
-      pen.stroke();
-    }
-  }
+  const nth = step => step + (["th", "st", "nd", "rd"][
+    step % 100 > 10 && step % 100 < 14 ? 0 : step % 10] ?? "th");
+  const titled = ({ name, trial }) => name + (trial > 1 ? `, trial ${trial}` : "");
 
   const paint = share => { if (cast.length) stage.draw(frame, still.matches ? 0 : share); };
 
@@ -231,7 +185,7 @@
       chapter.selectedIndex = marks.findLastIndex(([first]) => first <= frame);
     }
     paint(share);
-    plot();
+    chart.draw(frame);
   }
 
   function start() {

@@ -6,6 +6,7 @@ function spaceStage(canvas, theme, laneColour) {
   const VIEW = [-0.3, -1, 0.5], FIELD = 35; // from where, and how wide, in degrees
   const LIGHT = [-0.5, -0.8, 2.0];
   const AXES = [0, 1, 2];
+  const MOST = 1000; // lines on the floor, in each direction
   const DAMP = 0.0002; // m: how high above the floor shadows lie
   let robots = [], middles = [], size = 0.1, spacing = 0, fit = 1, following = true;
 
@@ -86,8 +87,9 @@ function spaceStage(canvas, theme, laneColour) {
     const low = Math.min(...robots.map(each => each.low[0])) - margin;
     const high = Math.max(...robots.map(each => each.high[0])) + 3 * margin;
     const near = -spacing * (robots.length - 0.4), far = 0.8 * spacing;
-    const x0 = step * Math.floor(low / step), x1 = step * Math.ceil(high / step);
-    const y0 = step * Math.floor(near / step), y1 = step * Math.ceil(far / step);
+    const kept = edge => Math.max(-MOST * step, Math.min(MOST * step, edge)); // a shape may be far
+    const x0 = step * Math.floor(kept(low) / step), x1 = step * Math.ceil(kept(high) / step);
+    const y0 = step * Math.floor(kept(near) / step), y1 = step * Math.ceil(kept(far) / step);
     const thin = [], thick = [];
     for (let k = Math.round(x0 / step); k <= Math.round(x1 / step); k++) {
       (k % 10 ? thin : thick).push(k * step, y0, 0, k * step, y1, 0);

@@ -14,6 +14,7 @@ from ethogram.studies.language.compute import cost, run
 from ethogram.studies.language.figures import figures
 from ethogram.studies.language.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.language.tables import tables
+from ethogram.studies.language.words import INTRODUCTION
 
 TITLE = "Learning a language"
 QUESTION = (
@@ -22,6 +23,7 @@ QUESTION = (
 )
 
 __all__ = [
+    "INTRODUCTION",
     "NAME",
     "PLANS",
     "QUESTION",

@@ -13,6 +13,7 @@ from ethogram.studies.publishing.compute import cost, run
 from ethogram.studies.publishing.figures import figures
 from ethogram.studies.publishing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.publishing.tables import tables
+from ethogram.studies.publishing.words import INTRODUCTION
 
 TITLE = "Indicators of authors and journals"
 QUESTION = (
@@ -21,6 +22,7 @@ QUESTION = (
 )
 
 __all__ = [
+    "INTRODUCTION",
     "NAME",
     "PLANS",
     "QUESTION",

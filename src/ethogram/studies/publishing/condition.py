@@ -15,6 +15,11 @@ class Size(NamedTuple):
     journals: int
     papers: int
 
+    @property
+    def words(self) -> str:
+        """The size in words."""
+        return f"{self.authors} authors, {self.journals} journals and {self.papers} papers at first"
+
 
 SMALL, BIG = Size(100, 20, 1000), Size(1000, 40, 10_000)
 DEFAULT = "default"  # the reading of the sheet and of all figures

@@ -6,6 +6,7 @@ fewer than three have, or where either does not vary.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -41,7 +42,20 @@ class Results(NamedTuple):
     def trials(self, measure: Measure, condition: Condition) -> Trials:
         """One number per run of a condition, or word that it was not run."""
         data = self.by_condition.get(condition)
-        return Trials(condition.words, None if data is None else measure(data).astype(float))
+        if data is None:
+            return Trials(self._missing(condition), None)
+        return Trials(condition.words, measure(data).astype(float))
+
+    def _missing(self, condition: Condition) -> str:
+        """A condition that was not run, with its size if it was run in others."""
+        sizes = [
+            at.size.words
+            for at in self.by_condition
+            if replace(at, size=condition.size) == condition
+        ]
+        if not sizes:
+            return condition.words
+        return f"{condition.policies} with {condition.size.words} (run: {', '.join(sizes)})"
 
     @property
     def readings(self) -> list[str]:

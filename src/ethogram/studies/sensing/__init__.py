@@ -14,6 +14,7 @@ from ethogram.studies.sensing.compute import cost, run
 from ethogram.studies.sensing.figures import figures
 from ethogram.studies.sensing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.sensing.tables import tables
+from ethogram.studies.sensing.words import INTRODUCTION
 
 TITLE = "Sensing while crawling"
 QUESTION = (
@@ -22,6 +23,7 @@ QUESTION = (
 )
 
 __all__ = [
+    "INTRODUCTION",
     "NAME",
     "PLANS",
     "QUESTION",

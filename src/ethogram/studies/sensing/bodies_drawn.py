@@ -76,9 +76,8 @@ def draw_strip(scene: Scene, frames: Sequence[int]) -> tuple[str, list[Row]]:
     across = min(ACROSS, len(frames))
     down = math.ceil(len(frames) / across)
     tall = PAGE_WIDTH / ACROSS * (top - bottom) / (right - left)
-    drawing, panels = new_figure(
-        down, across, width=PAGE_WIDTH * across / ACROSS, height=0.75 + down * (tall + 0.25)
-    )
+    wide = PAGE_WIDTH * max(across, 2) / ACROSS  # the legend has room
+    drawing, panels = new_figure(down, across, width=wide, height=0.75 + down * (tall + 0.25))
     for panel in panels.flat[len(frames) :]:
         panel.set_axis_off()
     for panel, (frame, corners) in zip(panels.flat, squares.items(), strict=False):

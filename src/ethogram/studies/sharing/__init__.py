@@ -13,11 +13,13 @@ from ethogram.studies.sharing.compute import cost, run
 from ethogram.studies.sharing.figures import figures
 from ethogram.studies.sharing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.sharing.tables import tables
+from ethogram.studies.sharing.words import INTRODUCTION
 
 TITLE = "Sharing resources"
 QUESTION = "What does learning when to communicate do to the return of each agent and of the group?"
 
 __all__ = [
+    "INTRODUCTION",
     "NAME",
     "PLANS",
     "QUESTION",
