@@ -21,7 +21,8 @@ from ethogram.studies.publishing.condition import (
     Condition,
 )
 from ethogram.studies.publishing.plan import Settings, condition_of
-from ethogram.studies.publishing.readings import KEYS, READINGS, WORDS, reading_of
+from ethogram.studies.publishing.readings import KEYS, OF_LEARNED, READINGS, WORDS, reading_of
+from ethogram.studies.publishing.records import compact
 from ethogram.worlds.publishing.scene import ACCEPTED, DRAFTED, REJECTED
 
 LEARNS = ["author=minded", "editor=learned"]
@@ -76,7 +77,7 @@ def test_readings_are_known_by_what_they_change():
     odd = reading_of(default | {"table": "own", "reward": "level"}, default)
     assert odd == reading_of(default | {"reward": "level", "table": "own"}, default)
     assert odd.startswith("reading_")
-    assert set(WORDS) == set(READINGS)
+    assert set(WORDS) == set(READINGS | OF_LEARNED)
 
 
 def test_what_cannot_be_run_is_refused_before_the_run():
@@ -94,15 +95,16 @@ def test_a_record_tells_the_same_story_in_all_its_parts(records):
         assert years == 5
         np.testing.assert_array_equal(data["histogram"].sum("bin"), papers.sum("journal"))
         assert (papers.sel(year=0).sum("journal") == 60).all()
-        np.testing.assert_array_equal(papers.cumsum("year"), data["indicator.papers"])
+        np.testing.assert_array_equal(papers.cumsum("year"), results.indicator(data, "papers"))
         step = float(data["bin"][1] - data["bin"][0])
         rough = (data["histogram"] * data["bin"]).sum("bin")
         exact = data["quality"].sum("journal")
         assert (abs(rough - exact) <= step / 2 * papers.sum("journal") + 1e-3).all()
         h_index = data["indicator.h_index"]
-        assert (h_index.sel(year=0) == 0).all()
-        assert (h_index.diff("year") >= 0).all()
-        assert (h_index.isel(year=-1).sum("author") > 0).all()
+        assert data["author_year"].values.tolist() == [0, 1, 4]
+        assert (h_index.isel(author_year=0) == 0).all()
+        assert (h_index.diff("author_year") >= 0).all()
+        assert (h_index.isel(author_year=-1).sum("author") > 0).all()
         assert not np.array_equal(data["author_quality"][0], data["author_quality"][1])
 
 
@@ -157,10 +159,7 @@ def made(at, papers=None, quality=None, **indicators):
     papers = np.broadcast_to(papers, (trials, years, journals)).copy()
     own = rng.uniform(5, 10, (trials, 1, journals)) if quality is None else quality
     noise = rng.normal(0, 0.5, (trials, years, journals))
-    found = {
-        "h_index": np.repeat(skill[:, None], years, 1),
-        "papers": papers.cumsum(1).astype(float),
-    }
+    found = {"h_index": np.repeat(skill[:, None], years, 1)}
     for name in ("impact_factor", "acceptance_rate"):
         slope = indicators.get(name, 0.0)
         found[name] = slope * own + noise
@@ -171,14 +170,15 @@ def made(at, papers=None, quality=None, **indicators):
         "papers": (("trial", "year", "journal"), papers),
         "quality": (("trial", "year", "journal"), papers * own),
         "histogram": (("trial", "year", "bin"), histogram),
-        "stuck": (("trial", "year"), np.zeros((trials, years))),
+        "stuck": (("trial", "author_year"), np.zeros((trials, years))),
     }
     for name, values in found.items():
         axis = "author" if name == "h_index" else "journal"
-        data[f"indicator.{name}"] = (("trial", "year", axis), values)
+        data[f"indicator.{name}"] = (("trial", f"{axis}_year", axis), values)
     return xr.Dataset(
         data,
-        coords={"year": np.arange(years), "bin": (np.arange(30) + 0.5) / 2},
+        coords={name: np.arange(years) for name in ("year", "author_year", "journal_year")}
+        | {"bin": (np.arange(30) + 0.5) / 2},
         attrs={
             "author": at.author,
             "editor": at.editor,
@@ -307,8 +307,9 @@ def test_shares_growth_and_shapes_are_what_they_say():
 
 
 def test_records_are_small_and_exact():
-    assert compute.compact(np.array([0.0, 3.0])).dtype == np.int16
-    assert compute.compact(np.array([-40_000.0])).dtype == np.int32
-    assert compute.compact(np.array([1.0, np.nan])).dtype == np.float32
-    assert compute.compact(np.array([0.5])).tolist() == [0.5]
-    assert compute.compact(np.array([2.0**31])).tolist() == [2.0**31]
+    assert compact(np.array([0.0, 127.0])).dtype == np.int8
+    assert compact(np.array([128])).dtype == np.int16
+    assert compact(np.array([-40_000.0])).dtype == np.int32
+    assert compact(np.array([1.0, np.nan])).dtype == np.float32
+    assert compact(np.array([0.5])).tolist() == [0.5]
+    assert compact(np.array([2.0**31])).tolist() == [2.0**31]

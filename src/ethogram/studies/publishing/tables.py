@@ -10,11 +10,11 @@ from ethogram.studies.publishing.claims import ABOUT_STATIC, claims_under
 from ethogram.studies.publishing.condition import DEFAULT, FIGURES, Condition
 from ethogram.studies.publishing.readings import words_of
 from ethogram.studies.publishing.results import (
-    ALL_YEARS,
     Kind,
     Measure,
     Results,
     acceptance,
+    indicators,
     last_correlation,
     off_centre,
     papers_per_year,
@@ -42,12 +42,7 @@ def tables(records: Records) -> list[Table]:
 
 def _correlations(results: Results) -> Table:
     names = list(
-        dict.fromkeys(
-            str(name).removeprefix("indicator.")
-            for data in results.by_condition.values()
-            for name in data.data_vars
-            if str(name).startswith("indicator.")
-        )
+        dict.fromkeys(name for data in results.by_condition.values() for name in indicators(data))
     )
     columns = [(name, kind) for name in names for kind in KINDS]
     rows = [
@@ -55,7 +50,7 @@ def _correlations(results: Results) -> Table:
             *_scenario(results, at),
             *(
                 _mean(results, last_correlation(name, kind), at)
-                if f"indicator.{name}" in results.by_condition[at]
+                if name in indicators(results.by_condition[at])
                 else None
                 for name, kind in columns
             ),
@@ -79,8 +74,8 @@ def _system(results: Results) -> Table:
         "papers, last year": lambda data: papers_per_year(data)[:, -1],
         "mean quality off the middle": off_centre,
         "skewness of quality": skewness,
-        "the same of all papers: mean": lambda data: off_centre(data, ALL_YEARS),
-        "skewness": lambda data: skewness(data, ALL_YEARS),
+        "the same of all papers: mean": lambda data: off_centre(data, "all"),
+        "skewness": lambda data: skewness(data, "all"),
         "share of a fourth of the journals": share_of_few,
         "acceptance rate": acceptance,
         "drafts rejected over ten times": stuck,
