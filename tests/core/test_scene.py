@@ -84,6 +84,21 @@ def test_a_scene_without_lines_and_chapters_is_stored_as_before_there_were_any()
     assert (found.links, found.chapters, found.fresh) == ((), (), None)
 
 
+def test_numbers_that_come_in_few_bits_are_stored_in_these_and_come_back_in_the_usual_types():
+    before = scene(
+        position=np.array([[[0.5, 1], [0, 0.25]]] * 3, np.float16),
+        tint=np.array([[0, 1], [1, -1], [0, 0]], np.int8),
+    )
+    stored = before.to_dataset()
+    assert (stored["position"].dtype, stored["tint"].dtype) == (np.float16, np.int8)
+    after = Scene.from_dataset(stored)
+    assert (after.position.dtype, after.tint.dtype) == (np.float32, np.int16)
+    np.testing.assert_array_equal(after.position, before.position)
+    np.testing.assert_array_equal(after.tint, before.tint)
+    usual = scene(position=np.zeros((3, 2, 2)), tint=np.zeros((3, 2), int)).to_dataset()
+    assert (usual["position"].dtype, usual["tint"].dtype) == (np.float32, np.int16)
+
+
 def test_scenes_of_trials_are_groups_of_a_record_and_found_there_again():
     titles = ["one", "two", "three"]
     groups = grouped([scene(title=title) for title in titles])

@@ -23,6 +23,7 @@ from ethogram.physics.beams3d import (
     stack,
     step,
 )
+from ethogram.physics.beams3d.bonds import bond_forces
 
 VOXEL = [(0, 0, 0)]
 ELL = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
@@ -270,3 +271,28 @@ def test_cells_must_be_there_each_once(cells: list[tuple[int, int, int]], messag
 
 def changed(state: State, **changes: Any) -> State:
     return dataclasses.replace(state, **changes)
+
+
+def test_a_bond_that_is_large_from_the_first_step_is_damped_next_against_no_deformation():
+    shape, material = body([(0, 0, 0), (1, 0, 0)]), Material()
+    start = at_rest(shape, material)
+    pose = start.position, start.orientation  # held there
+    forces = jax.jit(partial(bond_forces, shape, material, pose))
+
+    def two_steps(edge):
+        edges = jnp.full(2, edge)
+        first, memory = forces(edges, start.memory, jnp.asarray(True))
+        second, _ = forces(edges, memory, jnp.asarray(False))
+        return float(first.force[0, 0]), float(second.force[0, 0]), memory
+
+    edge = float(material.edge)
+    stretch = 0.4 * edge
+    first, second, memory = two_steps(edge - stretch)
+    assert not memory.small.any()
+    assert (memory.deformation == 0).all()
+    assert first == pytest.approx(float(material.beam.axial) * stretch, rel=1e-5)
+    damping = float(material.bond_dashpot.axial / material.time_step) * stretch
+    assert second - first == pytest.approx(damping, rel=1e-5)
+    first, second, memory = two_steps(0.75 * edge)  # above 1 / 1.43
+    assert memory.small.all()
+    assert second == pytest.approx(first, rel=1e-5)

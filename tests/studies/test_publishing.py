@@ -1,4 +1,5 @@
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,10 @@ from tests.studies.contexts import Remembering
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.scene import Scene
+from ethogram.core.scene import Scene, Shape
 from ethogram.studies import publishing as study
-from ethogram.studies.publishing import compute, results
-from ethogram.studies.publishing.claims import claims_under
+from ethogram.studies.publishing import compute, results, robustness
+from ethogram.studies.publishing import records as kept
 from ethogram.studies.publishing.condition import (
     AUTHOR_LEARNS,
     BIG,
@@ -19,13 +20,15 @@ from ethogram.studies.publishing.condition import (
     EDITOR_LEARNS,
     SCENARIOS,
     SMALL,
+    SNAPSHOTS,
     STATIC,
     Condition,
 )
 from ethogram.studies.publishing.plan import Settings, condition_of
-from ethogram.studies.publishing.readings import KEYS, READINGS, WORDS, reading_of
+from ethogram.studies.publishing.readings import KEYS, OF_LEARNED, READINGS, WORDS, reading_of
 from ethogram.worlds.publishing.scene import ACCEPTED, DRAFTED, REJECTED
 
+PUBLISHED = Path(__file__).parents[2] / "docs" / "results" / "records" / "publishing"
 LEARNS = ["author=minded", "editor=learned"]
 STANDS = ["author=random", "editor=mild_scrutiny"]
 
@@ -78,7 +81,7 @@ def test_readings_are_known_by_what_they_change():
     odd = reading_of(default | {"table": "own", "reward": "level"}, default)
     assert odd == reading_of(default | {"reward": "level", "table": "own"}, default)
     assert odd.startswith("reading_")
-    assert set(WORDS) == set(READINGS)
+    assert set(WORDS) == set(READINGS | OF_LEARNED)
 
 
 def test_what_cannot_be_run_is_refused_before_the_run():
@@ -96,15 +99,16 @@ def test_a_record_tells_the_same_story_in_all_its_parts(records):
         assert years == 5
         np.testing.assert_array_equal(data["histogram"].sum("bin"), papers.sum("journal"))
         assert (papers.sel(year=0).sum("journal") == 60).all()
-        np.testing.assert_array_equal(papers.cumsum("year"), data["indicator.papers"])
+        np.testing.assert_array_equal(papers.cumsum("year"), results.indicator(data, "papers"))
         step = float(data["bin"][1] - data["bin"][0])
         rough = (data["histogram"] * data["bin"]).sum("bin")
         exact = data["quality"].sum("journal")
         assert (abs(rough - exact) <= step / 2 * papers.sum("journal") + 1e-3).all()
         h_index = data["indicator.h_index"]
-        assert (h_index.sel(year=0) == 0).all()
-        assert (h_index.diff("year") >= 0).all()
-        assert (h_index.isel(year=-1).sum("author") > 0).all()
+        assert data["author_year"].values.tolist() == [0, 1, 4]
+        assert (h_index.isel(author_year=0) == 0).all()
+        assert (h_index.diff("author_year") >= 0).all()
+        assert (h_index.isel(author_year=-1).sum("author") > 0).all()
         assert not np.array_equal(data["author_quality"][0], data["author_quality"][1])
 
 
@@ -159,10 +163,7 @@ def made(at, papers=None, quality=None, trials=6, **indicators):
     papers = np.broadcast_to(papers, (trials, years, journals)).copy()
     own = rng.uniform(5, 10, (trials, 1, journals)) if quality is None else quality
     noise = rng.normal(0, 0.5, (trials, years, journals))
-    found = {
-        "h_index": np.repeat(skill[:, None], years, 1),
-        "papers": papers.cumsum(1).astype(float),
-    }
+    found = {"h_index": np.repeat(skill[:, None], years, 1)}
     for name in ("impact_factor", "acceptance_rate"):
         slope = indicators.get(name, 0.0)
         found[name] = slope * own + noise
@@ -173,14 +174,15 @@ def made(at, papers=None, quality=None, trials=6, **indicators):
         "papers": (("trial", "year", "journal"), papers),
         "quality": (("trial", "year", "journal"), papers * own),
         "histogram": (("trial", "year", "bin"), histogram),
-        "stuck": (("trial", "year"), np.zeros((trials, years))),
+        "stuck": (("trial", "author_year"), np.zeros((trials, years))),
     }
     for name, values in found.items():
         axis = "author" if name == "h_index" else "journal"
-        data[f"indicator.{name}"] = (("trial", "year", axis), values)
+        data[f"indicator.{name}"] = (("trial", f"{axis}_year", axis), values)
     return xr.Dataset(
         data,
-        coords={"year": np.arange(years), "bin": (np.arange(30) + 0.5) / 2},
+        coords={name: np.arange(years) for name in ("year", "author_year", "journal_year")}
+        | {"bin": (np.arange(30) + 0.5) / 2},
         attrs={
             "author": at.author,
             "editor": at.editor,
@@ -275,6 +277,12 @@ def test_shorter_runs_and_less_training_decide_nothing():
     assert {claim.verdict for claim in study.claims({})} == {"not run"}
 
 
+def judged(records):
+    """The verdicts of each row of the table `robustness`, by number of the claim."""
+    table = next(table for table in study.tables(records) if table.name == "robustness")
+    return {row[0]: dict(enumerate(row[1:], start=1)) for row in table.rows}
+
+
 def test_each_reading_is_judged_by_its_own_runs():
     records = {}
     for at in STATIC:
@@ -282,12 +290,86 @@ def test_each_reading_is_judged_by_its_own_runs():
             other = Condition(at.author, at.editor, at.size, "sequential")
             records[other.name] = as_the_thesis_says(at)
             records[other.name]["results"].attrs["reading"] = "sequential"
-    found = results.Results.of(records)
-    assert {claim.verdict for claim in claims_under(found, "sequential")} == {"confirmed"}
-    assert {claim.verdict for claim in claims_under(found, DEFAULT)} == {"not run"}
-    tables = {table.name: table for table in study.tables(records)}
-    assert tables["robustness"].rows == (("authors act one after the other", *["confirmed"] * 5),)
-    assert len(tables["robustness-effects"].rows) == 5
+    assert {claim.verdict for claim in study.claims(records)} == {"not run"}
+    found = judged(records)
+    assert list(found) == ["published", WORDS["sequential"]]
+    assert list(found[WORDS["sequential"]].values()) == ["confirmed"] * 5 + [None] * 2
+    effects = next(table for table in study.tables(records) if table.name == "robustness-effects")
+    assert len(effects.rows) == 5
+
+
+def test_the_scenarios_of_a_thousand_authors_do_not_decide_what_is_said_of_smaller_ones():
+    records = {at.name: as_the_thesis_says(at) for at in SCENARIOS}
+    for at in STATIC:
+        if at.size == BIG:  # acceptance goes with quality, and papers are spread evenly
+            data = made(at, acceptance_rate=1.0)
+            for name in ("indicator.acceptance_rate", "papers", "quality"):
+                records[at.name]["results"][name] = data[name]
+    found = {claim.number: claim for claim in study.claims(records)}
+    for number in (3, 4):
+        claim = found[number]
+        assert claim.verdict == "confirmed"
+        assert claim.depends_on == (f"{robustness.LARGER} (refuted)",)
+        (revision,) = claim.history
+        assert claim.stated < revision.date
+        assert "2026-11-26" in revision.known
+    assert found[1].history == ()
+
+
+def test_a_verdict_that_another_measure_changes_is_marked_with_it():
+    records = {at.name: as_the_thesis_says(at) for at in SCENARIOS}
+    for at in SCENARIOS:  # impact factors tell the last papers' quality, not that of all
+        data = records[at.name]["results"]
+        own = np.random.default_rng(4).uniform(5, 10, data["papers"].shape[::2])
+        data["quality"][:, 18:20] = data["papers"][:, 18:20] * own[:, None]
+        data["indicator.impact_factor"][:] = own[:, None]
+    found, table = {claim.number: claim for claim in study.claims(records)}, judged(records)
+    counted = robustness.CHANGES[0].words
+    assert found[7].verdict == table["nothing: as stated"][7] == "refuted"
+    assert table[counted] == {2: "refuted", 6: "refuted", 7: "confirmed"} | dict.fromkeys(
+        (1, 3, 4, 5)
+    )
+    assert f"{counted} (confirmed)" in found[7].depends_on
+    assert found[1].depends_on == ()
+
+
+def test_rewards_and_tables_of_those_who_learn_are_further_readings():
+    records = {at.name: as_the_thesis_says(at) for at in SCENARIOS}
+    for at in (EDITOR_LEARNS, AUTHOR_LEARNS):
+        other = Condition(at.author, at.editor, at.size, "reward_level")
+        records[other.name] = as_the_thesis_says(at)
+        records[other.name]["results"].attrs["reading"] = "reward_level"
+        records[other.name]["results"]["indicator.impact_factor"] *= -1
+    assert judged(records)[WORDS["reward_level"]][7] == "refuted"
+    marked = {claim.number: claim.depends_on for claim in study.claims(records)}
+    assert f"{WORDS['reward_level']} (refuted)" in marked[7]
+    assert not any(WORDS["table_own"] in words for words in marked[7])  # it was not run
+
+
+def test_an_impact_factor_counts_the_papers_of_the_two_years_before():
+    data = made(STATIC[0], papers=np.full(20, 10), quality=np.full(20, 8.0))
+    data["papers"][:, 18, 0], data["quality"][:, 18, 0] = 30, 30 * 4.0
+    data["papers"][:, 18:20, 1] = data["quality"][:, 18:20, 1] = 0
+    found = results.latent(data, "impact_factor", "counted")
+    np.testing.assert_allclose(found[:, 20, 0], (30 * 4 + 10 * 8) / 40)
+    assert np.isnan(found[:, 20, 1]).all()
+    np.testing.assert_allclose(found[:, 20, 2:], 8)
+    assert np.isnan(found[:, :3]).all()  # the initial years are not told apart
+    assert np.isfinite(found[:, 3]).all()
+
+
+def test_chance_adds_to_the_share_of_few_and_is_taken_away():
+    rng = np.random.default_rng(5)
+    data = made(STATIC[0])
+    data["papers"][:, -1] = rng.multinomial(100, np.full(20, 1 / 20), 6)
+    assert (results.share_of_few(data, "last") > 0.3).all()
+    error = 3 * 0.03 / np.sqrt(6)  # of the mean of six such shares
+    assert results.share_beyond_chance(data).mean() == pytest.approx(0.25, abs=error)
+    data["papers"][:, -1] = np.where(np.arange(20) == 7, 100, 0)
+    beyond = results.share_beyond_chance(data)
+    assert ((beyond > 0.8) & (beyond < 0.9)).all()
+    data["papers"][:, -1] = 0
+    assert np.isnan(results.share_beyond_chance(data)).all()
 
 
 def test_correlations_are_scipys_and_leave_out_what_is_undefined():
@@ -312,6 +394,8 @@ def test_shares_growth_and_shapes_are_what_they_say():
     np.testing.assert_allclose(results.share_of_few(data), 150 / 300)
     data["papers"][:, -1] //= 2
     np.testing.assert_allclose(results.growth(data), -0.5)
+    data["quality"][:, -1] = data["papers"][:, -1] * (1.0 + data["papers"][:, -1])
+    np.testing.assert_allclose(results.papers_and_quality(data), 1)
     np.testing.assert_allclose(results.skewness(data), 0, atol=1e-9)
     rng = np.random.default_rng(3)
     counts = rng.integers(0, 50, (6, 21, 30))
@@ -322,9 +406,95 @@ def test_shares_growth_and_shapes_are_what_they_say():
     np.testing.assert_allclose(results.off_centre(data), 0.1)
 
 
+def test_measures_of_years_kept_together_are_those_of_every_year():
+    rng = np.random.default_rng(6)
+    papers = rng.integers(0, 9, (6, 21, 20))
+    of_years = {
+        "papers": papers,
+        "quality": papers * rng.uniform(5, 10, papers.shape),
+        "histogram": rng.integers(0, 9, (6, 21, 30)),
+    }
+    indices = {
+        "h_index": rng.integers(0, 40, (6, 21, 100)),
+        "impact_factor": rng.uniform(0, 9, papers.shape),
+        "acceptance_rate": rng.uniform(0, 1, papers.shape),
+    }
+    stuck, skill = rng.uniform(0, 1, (6, 21)), rng.uniform(0, 15, (6, 100))
+    whole, small = (
+        xr.Dataset(
+            kept.results(at, of_years, indices, skill, stuck),
+            coords=kept.coordinates(at, 20, np.linspace(0, 15, 31)),
+            attrs={"years": 20, "quality_max": 15.0},
+        )
+        for at in (STATIC[0], Condition("random", "mild_scrutiny", SMALL, "sequential"))
+    )
+    assert small.nbytes < whole.nbytes / 3
+    names = ("h_index", "impact_factor", "acceptance_rate", "papers")
+    for measure in (
+        *(results.last_correlation(name) for name in names),
+        results.last_correlation("impact_factor", "spearman", "counted"),
+        results.papers_and_quality,
+        results.share_of_few,
+        results.share_beyond_chance,
+        results.growth,
+        results.off_centre,
+        lambda data: results.off_centre(data, "all"),
+        results.skewness,
+        results.stuck,
+        results.acceptance,
+    ):
+        np.testing.assert_allclose(measure(small), measure(whole), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("journals", "per_year"), [(4, 3), (20, 10), (40, 10), (40, 300), (9000, 1)]
+)
+def test_scenes_stay_within_their_share_of_a_record(journals, per_year):
+    rng = np.random.default_rng(7)
+    steps = 20 * per_year
+    size = (2 * steps, journals + 60)
+    times = [f"year {1 + step // per_year}, step {step % per_year}" for step in range(steps)]
+    scene = Scene(
+        title="made up",
+        bounds=(-20.0, 0.0, 20.0, 10.0),
+        frame_seconds=0.2,
+        palette=("one", "other"),
+        shapes=(Shape("circle", 1.0),) * size[1],
+        position=rng.uniform(-20, 20, (*size, 2)),
+        tint=rng.integers(0, 2, size),
+        scale=rng.uniform(0, 1, size),
+        fresh=np.zeros(size, bool),
+        captions=tuple(time for time in times for _ in range(2)),
+        chapters=tuple(time.split(",")[0] for time in times for _ in range(2)),
+        series={"papers": rng.uniform(0, 9, (2 * steps, 1))},
+    )
+    found = kept.scenes([scene] * 5, per_year)
+    assert sum(data.nbytes for data in found.values()) <= kept.SCENE_BYTES
+    assert len(found) <= 3
+    for data in found.values():
+        shown = Scene.from_dataset(data)
+        frames = [scene.captions.index(caption) for caption in shown.captions[::2]]
+        assert shown.captions[1::2] == shown.captions[::2]
+        np.testing.assert_allclose(shown.position[::2], scene.position[frames], atol=0.01)
+        np.testing.assert_array_equal(shown.tint[::2], scene.tint[frames])
+        gaps = 1 + np.flatnonzero(np.diff(frames) != 2)
+        assert np.asarray(shown.fresh)[2 * gaps].all()  # nothing moves from one year to a later one
+    if (journals, per_year) == (20, 10):
+        years = dict.fromkeys(Scene.from_dataset(found["scene"]).chapters)
+        assert list(years) == [f"year {year}" for year in SNAPSHOTS]
+
+
+def test_published_records_are_small():
+    sizes = [file.stat().st_size for file in PUBLISHED.rglob("*") if file.is_file()]
+    assert len(sizes) > len(cases("thesis"))
+    assert max(sizes) < 2**20
+    assert sum(sizes) < 6 * 10**6
+
+
 def test_records_are_small_and_exact():
-    assert compute.compact(np.array([0.0, 3.0])).dtype == np.int16
-    assert compute.compact(np.array([-40_000.0])).dtype == np.int32
-    assert compute.compact(np.array([1.0, np.nan])).dtype == np.float32
-    assert compute.compact(np.array([0.5])).tolist() == [0.5]
-    assert compute.compact(np.array([2.0**31])).tolist() == [2.0**31]
+    assert kept.compact(np.array([0.0, 127.0])).dtype == np.int8
+    assert kept.compact(np.array([128])).dtype == np.int16
+    assert kept.compact(np.array([-40_000.0])).dtype == np.int32
+    assert kept.compact(np.array([1.0, np.nan])).dtype == np.float32
+    assert kept.compact(np.array([0.5])).tolist() == [0.5]
+    assert kept.compact(np.array([2.0**31])).tolist() == [2.0**31]

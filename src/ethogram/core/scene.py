@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Kind = Literal["circle", "square", "ring", "text", "cube"]
 GROUP = "scene"  # of a record
 RECORDED = 3  # trials of a case whose scenes are kept, the first ones
-OPTIONAL = {  # arrays that not every scene has: their further axes, and how they are stored
+OPTIONAL = {  # arrays that not every scene has: their further axes, and their types when stored
     "said": ((), np.int16),
     "scale": ((), np.float32),
     "orientation": (("quaternion",), np.float32),
@@ -136,16 +136,19 @@ class Scene:
                 raise EthogramError(f"Scene {self.title!r}: {name} holds what is no text.")
 
     def to_dataset(self) -> "xr.Dataset":
-        """Arrays as variables, everything else as one JSON attribute."""
+        """Arrays as variables, everything else as one JSON attribute.
+
+        Numbers are stored in 32 or, whole ones, 16 bits; those that come in fewer stay as they are.
+        """
         import xarray as xr
 
         arrays = {
-            "position": (("frame", "shape", "axis"), self.position.astype(np.float32)),
-            "tint": (("frame", "shape"), self.tint.astype(np.int16)),
+            "position": (("frame", "shape", "axis"), _at_most(np.float32, self.position)),
+            "tint": (("frame", "shape"), _at_most(np.int16, self.tint)),
         }
         for name, array in self._optional().items():
-            axes, stored = OPTIONAL[name]
-            arrays[name] = (("frame", "shape", *axes), array.astype(stored))
+            axes, widest = OPTIONAL[name]
+            arrays[name] = (("frame", "shape", *axes), _at_most(widest, array))
         for name, lines in self.series.items():
             arrays[f"series.{name}"] = (("frame", f"line.{name}"), lines.astype(np.float32))
         plain = {
@@ -177,14 +180,25 @@ class Scene:
             for name, lines in data.data_vars.items()
             if str(name).startswith("series.")
         }
-        optional: dict[str, Any] = {name: data[name].values for name in OPTIONAL if name in data}
+        optional: dict[str, Any] = {
+            name: data[name].values.astype(kind)
+            for name, (_, kind) in OPTIONAL.items()
+            if name in data
+        }
         return Scene(
-            position=data["position"].values,
-            tint=data["tint"].values,
+            position=data["position"].values.astype(np.float32),
+            tint=data["tint"].values.astype(np.int16),
             series=series,
             **optional,
             **plain,
         )
+
+
+def _at_most(widest: Any, array: np.ndarray) -> np.ndarray:
+    """An array in a type, or in the narrower one of the same kind that it has."""
+    kind = np.dtype(widest)
+    narrower = array.dtype.kind == kind.kind and array.dtype.itemsize < kind.itemsize
+    return array if narrower else array.astype(kind)
 
 
 def grouped(scenes: "Sequence[Scene]") -> "dict[str, xr.Dataset]":

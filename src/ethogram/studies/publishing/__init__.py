@@ -2,7 +2,8 @@
 
 Thesis, chapter 7: authors write and submit, editors accept or reject, by fixed policies or by such
 as are learned; figures 7.1 to 7.9 and seven claims.  Beyond the thesis: seeds in place of a single
-run, and the claims again under every other reading of the text (`readings`).
+run, and the claims again with other measures and under every other reading of the
+text (`robustness`, `readings`).
 
 Deviations from the thesis are those of the world (`ethogram.worlds.publishing`), of what is learned
 (`ethogram.worlds.publishing.learnable`) and of the learner (`ethogram.learners.qlearning`).

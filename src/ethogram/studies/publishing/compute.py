@@ -17,11 +17,12 @@ from ethogram.campaign.context import Context
 from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.rollout import Policy
-from ethogram.core.scene import RECORDED, Scene, grouped
+from ethogram.core.scene import RECORDED, Scene
 from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.core.world import PerRole, World
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train
+from ethogram.studies.publishing import records
 from ethogram.studies.publishing.condition import DEFAULT
 from ethogram.studies.publishing.plan import (
     Settings,
@@ -92,8 +93,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Train, if anybody learns, and watch all trials of a case.
 
     Returns:
-        `results` (dimensions trial, year, author, journal, bin, episode) and, under the default
-        reading, as `scene`, `scene-2`, ..., the first trials.
+        `results` (dimensions trial, year, author, journal, bin, episode; see `records`) and, under
+        the default reading, as `scene`, `scene-2`, ..., the first trials.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -113,8 +114,9 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     played = jax.tree.map(np.asarray, watched)
     found = {"results": _label(settings, played, curve)}
     if condition.reading == DEFAULT:
-        first = min(RECORDED, settings.trials)
-        found |= grouped([_scene(condition.words, played, trial) for trial in range(first)])
+        first = range(min(RECORDED, settings.trials))
+        shown = (_scene(condition.words, played, trial) for trial in first)
+        found |= records.scenes(shown, settings.world.steps_per_year)
     return found
 
 
@@ -243,32 +245,19 @@ def _train(
 
 def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.Dataset:
     world, condition = world_of(settings), condition_of(settings)
-    first, years = played.start, played.years
-
-    def along(name: str) -> np.ndarray:
-        parts = np.asarray(getattr(first, name))[:, None], getattr(years, name)
-        return np.concatenate(parts, 1)
-
-    found: dict[str, Any] = {
-        "author_quality": (("trial", "author"), played.author_quality.astype(np.float32)),
-        "papers": (("trial", "year", "journal"), compact(along("papers"))),
-        "quality": (("trial", "year", "journal"), along("quality").astype(np.float32)),
-        "histogram": (("trial", "year", "bin"), compact(along("histogram"))),
-        "stuck": (("trial", "year"), along("stuck").astype(np.float32)),
-    }
-    for name, start in first.indicators.items():
-        values = np.concatenate([start[:, None], years.indicators[name]], 1)
-        axes = ("trial", "year", INDICATORS.get(name).of)
-        found[f"indicator.{name}"] = (axes, compact(values))
-    if curve is not None:
+    start = jax.tree.map(lambda part: np.asarray(part)[:, None], played.start)
+    every = jax.tree.map(lambda *parts: np.concatenate(parts, 1), start, played.years)
+    flows = {name: getattr(every, name) for name in ("papers", "quality", "histogram")}
+    quality = np.asarray(played.author_quality)
+    found: dict[str, Any] = records.results(
+        condition, flows, every.indicators, quality, every.stuck
+    )
+    if curve is not None and condition.reading == DEFAULT:
         found["training_return"] = (("trial", "episode"), curve.T.astype(np.float32))
     edges = np.linspace(0, float(world.quality_max), QUALITY_BINS + 1)
     return xr.Dataset(
         found,
-        coords={
-            "year": ("year", np.arange(world.years + 1)),
-            "bin": ("bin", (edges[1:] + edges[:-1]) / 2),
-        },
+        coords=records.coordinates(condition, world.years, edges),
         attrs={
             "author": condition.author,
             "editor": condition.editor,
@@ -280,11 +269,3 @@ def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.D
             "episodes": settings.episodes if curve is not None else 0,
         },
     )
-
-
-def compact(values: np.ndarray) -> np.ndarray:
-    """Numbers for a record: whole ones in the smallest type that holds them, others in 32 bits."""
-    if not (np.isfinite(values).all() and (values == np.round(values)).all()):
-        return values.astype(np.float32)
-    most = np.abs(values).max(initial=0)
-    return values.astype(np.int16 if most < 2**15 else np.int32 if most < 2**31 else np.float32)

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 Author = Literal["random", "minded", "learned"]
 Editor = Literal["accept_everything", "mild_scrutiny", "improve_only", "learned"]
 YEARS, STEPS_PER_YEAR = 20, 10  # that the chapter speaks of
+SNAPSHOTS = (1, 4, 8, 12, 15, 20)  # years that its figures show
 
 
 class Size(NamedTuple):

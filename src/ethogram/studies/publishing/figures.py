@@ -25,17 +25,17 @@ from ethogram.studies.plotting import (
     style,
     svg,
 )
-from ethogram.studies.publishing.condition import DEFAULT, FIGURES, Condition
+from ethogram.studies.publishing.condition import DEFAULT, FIGURES, SNAPSHOTS, Condition
 from ethogram.studies.publishing.results import (
     Results,
     correlations,
     indicator,
+    kept_years,
     latent,
     papers_per_year,
 )
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
 
-SNAPSHOTS = (1, 4, 8, 12, 15, 20)  # years
 BINS = 12  # of the distributions that are not of qualities
 DOTS = 40  # in a path; matplotlib takes points away from those of more than 128 vertices
 _BLUE, _RED, *_ = SERIES
@@ -46,8 +46,7 @@ class Analysis(NamedTuple):
 
     title: str
     snapshot: Callable[[xr.Dataset, int], "Snapshot"]
-    evolution: Callable[[xr.Dataset], np.ndarray]  # -> [trial, year]
-    years: slice  # in which the evolution has a value
+    evolution: Callable[[xr.Dataset], "Evolution"]
 
 
 class Snapshot(NamedTuple):
@@ -56,6 +55,13 @@ class Snapshot(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     width: float = 0.0
+
+
+class Evolution(NamedTuple):
+    """A number in each of some years, for each run."""
+
+    years: np.ndarray
+    values: np.ndarray  # [trial, year]
 
 
 @style()
@@ -131,8 +137,9 @@ def _grid(results: Results, at: Condition) -> Figure:
         title=f"{f'Figure {number}: ' if number else ''}{at.words}",
         caption="Distributions and, over authors or journals, pairs at the end of a year, of the "
         "first run. Quality of a journal: mean of all that it has published. Last column: the mean "
-        f"of a distribution, or the correlation of a pair, against years; mean of {runs} runs with "
-        "a 95% bootstrap band; runs in which it is not defined in some year are left out.",
+        "of a distribution, or the correlation of a pair, against years (of the h-index: those of "
+        f"the snapshots); mean of {runs} runs with a 95% bootstrap band; runs in which it is not "
+        "defined in some year are left out.",
         alt=f"A grid: nine analyses, snapshots of {len(years)} years, and the evolution of each.",
         svg=svg(drawing),
         data=data_table(name, ("analysis", "year", "x", "y", "low", "high"), rows),
@@ -155,8 +162,7 @@ def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
 
 
 def _evolve(panel: Axes, data: xr.Dataset, analysis: Analysis) -> list[Row]:
-    values = analysis.evolution(data)
-    years = data["year"].values[analysis.years]
+    years, values = analysis.evolution(data)
     whole = np.isfinite(values).all(1)
     if not whole.any():
         panel.set_axis_off()
@@ -181,73 +187,79 @@ def _share(panels: Any) -> None:
 
 
 def _qualities(data: xr.Dataset, year: int) -> Snapshot:
-    counts = data["histogram"].values[0, : year + 1].sum(0)
+    counts = data["histogram"].values[0, data["year"].values <= year].sum(0)
     at = data["bin"].values
     return Snapshot(at, counts / max(1, counts.sum()), at[1] - at[0])
 
 
-def _mean_quality(data: xr.Dataset) -> np.ndarray:
+def _mean_quality(data: xr.Dataset) -> Evolution:
     papers = data["papers"].values.sum(2).cumsum(1)
     total = data["quality"].values.astype(float).sum(2).cumsum(1)
-    mean: np.ndarray = total / np.maximum(papers, 1)
-    return mean
+    return Evolution(data["year"].values, total / np.maximum(papers, 1))
+
+
+def _papers_per_year(data: xr.Dataset) -> Evolution:
+    return Evolution(data["year"].values[1:], papers_per_year(data))
+
+
+def _by_journal(data: xr.Dataset, year: int) -> Snapshot:
+    papers = _in_year(data, "papers", indicator(data, "papers"), year)
+    return Snapshot(np.arange(1, len(papers) + 1), papers, 1.0)
+
+
+def _in_year(data: xr.Dataset, name: str, values: np.ndarray, year: int) -> np.ndarray:
+    """Of the first run, what an indicator, or what it should tell, is at the end of a year."""
+    found: np.ndarray = values[0, list(kept_years(data, name)).index(year)]
+    return found
 
 
 def _distribution(name: str) -> Callable[[xr.Dataset, int], Snapshot]:
     def snapshot(data: xr.Dataset, year: int) -> Snapshot:
-        values = indicator(data, name)[0]
-        highest = max(np.nanmax(values, initial=0.0), 1e-6)
-        counts, edges = np.histogram(values[year][np.isfinite(values[year])], BINS, (0, highest))
+        values = indicator(data, name)
+        highest = max(np.nanmax(values[0], initial=0.0), 1e-6)
+        then = _in_year(data, name, values, year)
+        counts, edges = np.histogram(then[np.isfinite(then)], BINS, (0, highest))
         shares = counts / max(1, counts.sum())
         return Snapshot((edges[1:] + edges[:-1]) / 2, shares, edges[1] - edges[0])
 
     return snapshot
 
 
-def _mean_of(name: str) -> Callable[[xr.Dataset], np.ndarray]:
-    def evolution(data: xr.Dataset) -> np.ndarray:
+def _mean_of(name: str) -> Callable[[xr.Dataset], Evolution]:
+    def evolution(data: xr.Dataset) -> Evolution:
         values = indicator(data, name)
         there = np.isfinite(values)
         count = there.sum(2)
         mean = np.where(there, values, 0.0).sum(2) / np.maximum(count, 1)
-        return np.where(count > 0, mean, np.nan)
+        return Evolution(kept_years(data, name), np.where(count > 0, mean, np.nan))
 
     return evolution
-
-
-def _by_journal(data: xr.Dataset, year: int) -> Snapshot:
-    papers = data["papers"].values[0, : year + 1].sum(0)
-    return Snapshot(np.arange(1, len(papers) + 1), papers.astype(float), 1.0)
 
 
 def _pair(name: str) -> Callable[[xr.Dataset, int], Snapshot]:
     def snapshot(data: xr.Dataset, year: int) -> Snapshot:
-        return Snapshot(latent(data, name)[0, year], indicator(data, name)[0, year])
+        quality, values = latent(data, name), indicator(data, name)
+        return Snapshot(_in_year(data, name, quality, year), _in_year(data, name, values, year))
 
     return snapshot
 
 
-def _correlation_of(name: str) -> Callable[[xr.Dataset], np.ndarray]:
-    def evolution(data: xr.Dataset) -> np.ndarray:
-        return correlations(data, name)[:, 1:]  # nobody has an h-index at first
+def _correlation_of(name: str) -> Callable[[xr.Dataset], Evolution]:
+    def evolution(data: xr.Dataset) -> Evolution:
+        later = slice(1, None)  # nobody has an h-index at first
+        return Evolution(kept_years(data, name)[later], correlations(data, name)[:, later])
 
     return evolution
 
 
-_ALL, _LATER = slice(None), slice(1, None)
 ANALYSES = (
-    Analysis("paper quality", _qualities, _mean_quality, _ALL),
-    Analysis("h-index", _distribution("h_index"), _mean_of("h_index"), _ALL),
-    Analysis("impact factor", _distribution("impact_factor"), _mean_of("impact_factor"), _ALL),
-    Analysis("acceptance", _distribution("acceptance_rate"), _mean_of("acceptance_rate"), _ALL),
-    Analysis("papers by journal", _by_journal, papers_per_year, _LATER),
-    Analysis("h-index, quality", _pair("h_index"), _correlation_of("h_index"), _LATER),
-    Analysis("IF, quality", _pair("impact_factor"), _correlation_of("impact_factor"), _LATER),
-    Analysis("papers, quality", _pair("papers"), _correlation_of("papers"), _LATER),
-    Analysis(
-        "acceptance, quality",
-        _pair("acceptance_rate"),
-        _correlation_of("acceptance_rate"),
-        _LATER,
-    ),
+    Analysis("paper quality", _qualities, _mean_quality),
+    Analysis("h-index", _distribution("h_index"), _mean_of("h_index")),
+    Analysis("impact factor", _distribution("impact_factor"), _mean_of("impact_factor")),
+    Analysis("acceptance", _distribution("acceptance_rate"), _mean_of("acceptance_rate")),
+    Analysis("papers by journal", _by_journal, _papers_per_year),
+    Analysis("h-index, quality", _pair("h_index"), _correlation_of("h_index")),
+    Analysis("IF, quality", _pair("impact_factor"), _correlation_of("impact_factor")),
+    Analysis("papers, quality", _pair("papers"), _correlation_of("papers")),
+    Analysis("acceptance, quality", _pair("acceptance_rate"), _correlation_of("acceptance_rate")),
 )

@@ -1,6 +1,7 @@
 """Settings, conditions and plans of the study: what is run, and at what price."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field
@@ -20,7 +21,7 @@ from ethogram.studies.publishing.condition import (
     Editor,
     Size,
 )
-from ethogram.studies.publishing.readings import READINGS, reading_of
+from ethogram.studies.publishing.readings import OF_LEARNED, READINGS, Scalar, reading_of
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.learnable import Learnable, Reward
 from ethogram.worlds.publishing.policies import (
@@ -38,7 +39,7 @@ from ethogram.worlds.publishing.policies import (
 )
 
 NAME = "publishing"
-VERSION = "3"  # goes up whenever the same settings would give other numbers
+VERSION = "4"  # goes up whenever the same settings would give other numbers
 
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
@@ -87,7 +88,19 @@ _BIG: Grid = {
 }
 _EDITOR_LEARNS: Grid = {"author": ("minded",), "editor": ("learned",)}
 _AUTHOR_LEARNS: Grid = {"author": ("learned",), "editor": ("mild_scrutiny",)}
+_LEARNED = (_EDITOR_LEARNS, _AUTHOR_LEARNS)
 _SCENARIOS = (_EDITOR_LEARNS, _AUTHOR_LEARNS, _BIG, _STATIC)  # what takes longest comes first
+
+
+def _under(readings: Mapping[str, Mapping[str, Scalar]], *grids: Grid) -> list[Grid]:
+    """Grids under each of some readings but the default."""
+    return [
+        {**grid, **{key: (value,) for key, value in changes.items()}}
+        for changes in readings.values()
+        if changes
+        for grid in grids
+    ]
+
 
 PLANS = {
     "smoke": Plan(
@@ -113,17 +126,15 @@ PLANS = {
     "thesis": Plan(
         name="thesis",
         description="Section 7.4 with twenty runs in place of one; authors that learn also with "
-        "improve-only editors, and static policies under every other reading of the text.",
+        "improve-only editors, and every policy under the other readings of the text that concern "
+        "it.",
         settings=Settings(),
         grid=_SCENARIOS[0],
         further=(
+            *_under(OF_LEARNED, *_LEARNED),
             *_SCENARIOS[1:],
             {**_AUTHOR_LEARNS, "editor": ("improve_only",)},
-            *(
-                {**_STATIC, **{key: (value,) for key, value in changes.items()}}
-                for changes in READINGS.values()
-                if changes
-            ),
+            *_under(READINGS, _STATIC),
         ),
     ),
 }

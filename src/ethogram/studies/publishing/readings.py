@@ -1,7 +1,8 @@
 """Other readings of the thesis' text, by name: which settings each of them changes.
 
-The claims that are about static policies are tested under each of them as well: the robustness
-table.  The default reading, and why, stands with the settings (`worlds.publishing.world`).
+The claims are tested under each of them as well, those about static policies under `READINGS`, and
+those about what is learned under `OF_LEARNED`: the robustness table.  The default reading, and why,
+stands with the settings (`worlds.publishing.world`).
 """
 
 import hashlib
@@ -42,6 +43,11 @@ READINGS: dict[str, dict[str, Scalar]] = {
     "literal": {**_LITERAL, "world.if_window": "intersection"},
 }
 
+OF_LEARNED: dict[str, dict[str, Scalar]] = {
+    "reward_level": {"reward": "level"},
+    "table_own": {"table": "own"},
+}
+
 WORDS = {
     DEFAULT: "default",
     "undefined_if_zero": "impact factor without papers is 0",
@@ -59,11 +65,12 @@ WORDS = {
     "literal_bins_zero": "bin as printed, and impact factor without papers is 0",
     "literal_but_union": "all as printed, but the union of two years",
     "literal": "all as printed",
+    "reward_level": "rewards of those who learn are the indices, not their changes",
+    "table_own": "each who learns has a table of its own",
 }
 
-# Of what is learned; no part of the table, which is about static policies.
-LEARNED = ("reward", "table")
-KEYS = (*dict.fromkeys(key for changes in READINGS.values() for key in changes), *LEARNED)
+_KNOWN = READINGS | OF_LEARNED
+KEYS = tuple(dict.fromkeys(key for changes in _KNOWN.values() for key in changes))
 
 
 def reading_of(settings: Mapping[str, Any], default: Mapping[str, Any]) -> str:
@@ -74,11 +81,12 @@ def reading_of(settings: Mapping[str, Any], default: Mapping[str, Any]) -> str:
         default: likewise.
 
     Returns:
-        A key of `READINGS`, or for any other combination a name made of what it changes.
+        A key of `READINGS` or `OF_LEARNED`, or for any other combination a name made of what it
+        changes.
 
     """
     changes = {key: settings[key] for key in KEYS if settings[key] != default[key]}
-    for name, known in READINGS.items():
+    for name, known in _KNOWN.items():
         if changes == known:
             return name
     if len(changes) == 1:
