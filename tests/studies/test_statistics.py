@@ -376,7 +376,7 @@ def test_the_interval_of_a_confirmed_claim_covers_the_part_that_it_shows():
 
 def test_the_far_end_of_a_match_stays_within_the_margin():
     claim = verdict(
-        *(part((1.0, normal(n, 0.4, spread=0.3)), side="within", margin=1.2) for n in range(6))
+        *(part((1.0, normal(n, 0.4, spread=0.05)), side="within", margin=1.2) for n in range(6))
     )
     assert claim.verdict == "confirmed"
     assert -1.2 <= claim.low < claim.high < 1.2

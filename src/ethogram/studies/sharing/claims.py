@@ -14,9 +14,17 @@ after less they are tested to show where they point, and left undecided.
 from functools import partial
 from typing import NamedTuple
 
-from ethogram.core.findings import Claim, Revision, Side
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import SHOWN
+from ethogram.studies.sharing.history import (
+    LEAD_EXISTS,
+    NARROWER,
+    OPTIMUM_REACHED,
+    RETESTED,
+    STATED,
+    WITHOUT_RANDOM,
+)
 from ethogram.studies.sharing.plan import (
     SCENARIOS,
     SETTINGS,
@@ -34,7 +42,6 @@ from ethogram.studies.statistics import (
     Trials,
     difference,
     judge,
-    tests_revised,
 )
 from ethogram.worlds.sharing.reward import Scenario
 
@@ -45,37 +52,6 @@ I_SCALE = 0.9  # 0.9 a > b: a is higher than b by more than 10% of the larger va
 HALF_A_STEP = 0.5
 SHOWN_IN_FIGURE_3_6: tuple[Strategy, ...] = ("always", "none")  # beside optional
 RETURN, SPREAD = "return", "return (standard deviation)"  # units
-
-STATED = "2026-11-22"
-FIRST_RUN = "A first run of the thesis plan, which was then run again; no verdict changed."
-PUBLISHED = "The published results of the thesis plan, with their verdicts."
-RETESTED = tests_revised(PUBLISHED)
-NARROWER = Revision(
-    date="2026-11-29",
-    change="The margin on J is 2% of what can be earned in the scenario, from random choices to "
-    "the optimum; it was 2% of the largest return of an agent, 1.98.",
-    reason="Where agents compete, 1.98 is 83% of all that can be earned: a margin that hardly any "
-    "difference could pass.",
-    known=PUBLISHED,
-)
-LEAD_EXISTS = Revision(
-    date=STATED,
-    change="In I, always-communication must have a lead where the filling is hidden.",
-    reason="A lead that is none on either side could be found larger.",
-    known=FIRST_RUN,
-)
-OPTIMUM_REACHED = Revision(
-    date=STATED,
-    change="Always-communication must come close to the optimum by step 10.",
-    reason="Who never reaches the optimum was first if nobody else reached it either.",
-    known=FIRST_RUN,
-)
-WITHOUT_RANDOM = Revision(
-    date="2026-11-29",
-    change="The random strategy is not among the others.",
-    reason="The claim is about figure 3.6, which does not show it.",
-    known=PUBLISHED,
-)
 
 
 class Setting(NamedTuple):
