@@ -3,15 +3,14 @@
 A space may be wider than what its world uses, so that settings that change a width share one
 compiled program.  Then `used` tells which entries there are; the others are padding, always 0.
 
-Of every space, `contains` tells which values are in it, and `nearest` gives, for a value of its
-shape that is not, the one in it that a world takes it for.  Whole numbers pass for real ones, real
+Of every space, `contains` tells which values are in it.  Of those of whole numbers, `nearest` gives
+the value in it that a world takes another one for.  Whole numbers pass for real ones, real
 numbers never for whole ones, nor do truth values.
 """
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -93,14 +92,6 @@ class Simplex:
         whole = jnp.abs(value.sum(-1) - 1) <= ROUNDING
         return (value >= 0).all(-1) & whole & _padding_is_zero(value, self.used).all(-1)
 
-    def nearest(self, value: Array) -> Array:
-        """Weights that are not in the space count as the choice of the largest one used."""
-        lowest = jnp.finfo(value.dtype).min  # type: ignore[no-untyped-call]
-        used = True if self.used is None else self.used
-        weight = jnp.where(used, jnp.where(jnp.isnan(value), lowest, value), -jnp.inf)
-        choice = jax.nn.one_hot(weight.argmax(-1), self.n, dtype=value.dtype)
-        return jnp.where(self.contains(value)[..., None], value, choice)
-
 
 @dataclass(frozen=True)
 class Box:
@@ -120,11 +111,6 @@ class Box:
         axes = tuple(range(-len(self.shape), 0))
         within = (value >= self.low) & (value <= self.high)
         return (within & _padding_is_zero(value, self.used)).all(axes)
-
-    def nearest(self, value: Array) -> Array:
-        """A number beyond a bound counts as the bound, and what is no number as 0 does."""
-        inside = jnp.clip(jnp.where(jnp.isnan(value), 0, value), self.low, self.high)
-        return inside if self.used is None else jnp.where(self.used, inside, 0)
 
 
 Space = Discrete | MultiDiscrete | Simplex | Box

@@ -15,7 +15,6 @@ from ethogram.core.settings import Number, setting
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 
-_FURTHEST = 1e30  # a logit that can still be divided by a temperature
 HALF = 16  # bits of a random word that decide whether to explore; the others choose
 
 
@@ -50,7 +49,6 @@ def gumbel_softmax(
 
     softmax((logits + g) / temperature) with g of the standard Gumbel distribution (Jang et al.,
     ICLR 2017; Maddison et al., ICLR 2017), differentiable in the logits; without a key, g = 0.
-    They are weights whatever the logits (see `within_reach`).
 
     Args:
         key: consumed.
@@ -60,7 +58,6 @@ def gumbel_softmax(
             weights that it would have had.
 
     """
-    logits = within_reach(logits, _FURTHEST)
     if key is not None:
         logits = logits + jax.random.gumbel(key, logits.shape)
     weights = jax.nn.softmax(logits / temperature)
@@ -68,16 +65,6 @@ def gumbel_softmax(
         return weights
     heaviest = jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
     return weights + lax.stop_gradient(heaviest - weights)
-
-
-def within_reach(
-    logits: Float[Array, "*batch choice"], reach: float
-) -> Float[Array, "*batch choice"]:
-    """Logits as they are; what is no number counts as 0, and none is further from 0 than `reach`.
-
-    They diverge where a learner does, which still has to act until it is stopped.
-    """
-    return jnp.clip(jnp.where(jnp.isnan(logits), 0.0, logits), -reach, reach)
 
 
 class Schedule(Module):

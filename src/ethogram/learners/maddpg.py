@@ -57,7 +57,7 @@ from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.specs import array_spec, key_spec, role_specs, state_spec
 from ethogram.core.world import PerRole, World
 from ethogram.learners.actor_critic import Agent, agent_bytes
-from ethogram.learners.exploration import Linear, gumbel_softmax, within_reach
+from ethogram.learners.exploration import Linear, gumbel_softmax
 from ethogram.learners.joint import done, joint, joint_used, network_sizes, own_action, seen
 from ethogram.learners.networks import MLP, features, used_features
 from ethogram.learners.optimisation import descend
@@ -67,8 +67,7 @@ from ethogram.learners.returns import one_step
 Script = Callable[[Key[Array, ""], Array], Array]  # (key, a role's observations) -> its actions
 Positive = Annotated[float, Field(gt=0)]
 
-OUT_OF_REACH = -1e9  # a logit that no noise lifts, of a choice that there is not
-REACH = 1e8  # of those of choices that there are
+OUT_OF_REACH = -1e9  # a logit that no noise lifts
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -322,8 +321,6 @@ class MADDPG(Module):
     ) -> Float[Array, "*batch choice"]:
         discrete = isinstance(self.world.roles[role].action, Discrete)
         hard = self.straight_through or discrete
-        used = used_features(self.world.roles[role].action)
-        logits = jnp.where(used, within_reach(logits, REACH), OUT_OF_REACH)
         return gumbel_softmax(key, logits, temperature, straight_through=hard)
 
     def _learn(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:

@@ -57,7 +57,7 @@ class Census(eqx.Module):
     coming: Int[Array, "resource"]  # d: speakers elsewhere that want it
 
 
-def scenario_code(name: str | Int[Array, ""]) -> Int[Array, ""]:
+def scenario_code(name: str | Int[Array, "..."]) -> Int[Array, "..."]:
     """Number a scenario, so that scenarios share one compiled program."""
     if isinstance(name, str):
         if name not in REWARDS:
@@ -69,7 +69,7 @@ def scenario_code(name: str | Int[Array, ""]) -> Int[Array, ""]:
 class Sharing(World):
     """Agents choosing among shared resources, with optional broadcast."""
 
-    scenario: Int[Array, ""] = setting("cooperative", Scenario, converter=scenario_code)
+    scenario: Int[Array, "..."] = setting("cooperative", Scenario, converter=scenario_code)
     agents: int = setting(10, Agents, static=True)
     resources: int = setting(2, Resources, static=True)
     steps: int = setting(100, Steps, static=True)
