@@ -138,7 +138,7 @@ def _grid(results: Results, at: Condition) -> Figure:
         caption="Distributions and, over authors or journals, pairs at the end of a year, of the "
         "first run. Quality of a journal: mean of all that it has published. Last column: the mean "
         "of a distribution, or the correlation of a pair, against years (of the h-index: those of "
-        f"the snapshots); mean of {runs} runs with a 95% bootstrap band; runs in which it is not "
+        f"the snapshots); mean of {runs} runs with a 95% band; runs in which it is not "
         "defined in some year are left out.",
         alt=f"A grid: nine analyses, snapshots of {len(years)} years, and the evolution of each.",
         svg=svg(drawing),

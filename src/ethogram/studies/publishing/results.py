@@ -20,14 +20,12 @@ from ethogram.campaign.study import Records
 from ethogram.studies.publishing.condition import SCENARIOS, Condition, Size
 from ethogram.studies.publishing.readings import OF_LEARNED, READINGS
 from ethogram.studies.publishing.records import COUNTED_YEARS, LAST_YEARS, PAPERS
-from ethogram.studies.statistics import Trials
+from ethogram.studies.statistics import Support, Trials, bounded, support_of
 
 Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 Kind = Literal["pearson", "spearman"]
 Years = Literal["all", "simulated", "last five", "last"]  # all: with the initial papers
-Of = Literal[
-    "published", "counted"
-]  # all papers of a journal, or those that an impact factor counts
+Of = Literal["published", "counted"]  # a journal's papers: all, or those its impact factor counts
 
 FEW = 4  # a fourth of the journals are few
 LEAST = 3  # numbers that a correlation needs
@@ -50,7 +48,7 @@ class Results(NamedTuple):
         data = self.by_condition.get(condition)
         if data is None:
             return Trials(self._missing(condition), None)
-        return Trials(condition.words, measure(data).astype(float))
+        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
 
     def _missing(self, condition: Condition) -> str:
         """A condition that was not run, with its size if it was run in others."""
@@ -165,15 +163,25 @@ def correlation(
     return np.where(varies, (a * b).sum(-1) / np.where(varies, scale, 1.0), np.nan)
 
 
+def _of_coefficients(data: xr.Dataset) -> Support:
+    del data
+    return Support(low=-1.0, high=1.0)
+
+
+_coefficient = bounded(_of_coefficients)
+
+
 def last_correlation(name: str, kind: Kind = "pearson", of: Of = "published") -> Measure:
     """How an indicator goes with the latent quality in the end."""
 
+    @_coefficient
     def measure(data: xr.Dataset) -> np.ndarray:
         return correlations(data, name, kind, of)[:, -1]
 
     return measure
 
 
+@_coefficient
 def papers_and_quality(data: xr.Dataset) -> np.ndarray:
     """How the journals' numbers of papers of the last year go with the mean qualities of these."""
     papers = _summed(data, "papers", "last")

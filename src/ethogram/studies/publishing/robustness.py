@@ -28,7 +28,7 @@ from ethogram.studies.publishing.results import (
     share_beyond_chance,
     share_of_few,
 )
-from ethogram.studies.publishing.statements import STATED, Choices, specs
+from ethogram.studies.publishing.statements import AS_STATED, Choices, specs
 from ethogram.studies.statistics import ClaimSpec, judge
 
 Judged = dict[int, Claim]  # by number
@@ -47,7 +47,7 @@ class Change(NamedTuple):
 
     words: str
     concerns: tuple[int, ...]  # claims
-    choices: Choices = STATED
+    choices: Choices = AS_STATED
     reading: str = DEFAULT  # of those who learn
 
 

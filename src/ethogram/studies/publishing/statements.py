@@ -11,7 +11,7 @@ Papers "fall" if the last year has fewer than the first; qualities form "a bell 
 in the last five years, their mean lies within a tenth of the range of its middle and their skewness
 between -0.5 and 0.5; that of the initial power law is 0.9 (5).
 
-All of this was stated before the run, but for what `claims.HISTORY` says.  What else the claims
+All of this was stated before the run, but for what `history` says.  What else the claims
 could be measured by is a field of `Choices`; `robustness` tests them by it, to see what hangs on
 the choice.
 
@@ -20,6 +20,7 @@ tested to show where they point, and left undecided.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from ethogram.core.findings import Side
@@ -32,6 +33,7 @@ from ethogram.studies.publishing.condition import (
     Condition,
     Size,
 )
+from ethogram.studies.publishing.history import STATED, history
 from ethogram.studies.publishing.results import (
     Measure,
     Results,
@@ -41,7 +43,7 @@ from ethogram.studies.publishing.results import (
     share_of_few,
     skewness,
 )
-from ethogram.studies.statistics import ClaimSpec, Part
+from ethogram.studies.statistics import ClaimSpec, Need, Part
 
 EPISODES = 300  # of training, that the chapter's figures are after (sheet of the study)
 STRONG, TELLS, LOOSE = 0.7, 0.5, 0.5
@@ -58,11 +60,11 @@ class Choices(NamedTuple):
     sizes: tuple[Size, ...] = (SMALL,)  # of the systems that claims 3 and 4 speak of
 
 
-STATED = Choices()
+AS_STATED = Choices()
 
 
 def specs(
-    results: Results, scenarios: Sequence[Condition], choices: Choices = STATED
+    results: Results, scenarios: Sequence[Condition], choices: Choices = AS_STATED
 ) -> list[ClaimSpec]:
     """The claims that are about any of some scenarios, in the order of their numbers."""
     static = _static(scenarios)
@@ -75,7 +77,7 @@ def specs(
         found.append(_authors_learn(results, authors, choices))
     if editors:
         found.append(_editors_learn(results, editors, choices))
-    return found
+    return [replace(spec, stated=STATED, history=history(spec.number)) for spec in found]
 
 
 def _h_index_tells(results: Results, scenarios: Sequence[Condition], choices: Choices) -> ClaimSpec:
@@ -85,7 +87,7 @@ def _h_index_tells(results: Results, scenarios: Sequence[Condition], choices: Ch
         source="section 7.5.1, figures 7.2 to 7.9",
         test="In each scenario the correlation of h-index and quality over authors is above 0.7.",
         parts=_parts(results, choices, "h_index", scenarios, "more than", STRONG),
-        reservation=_short(results, scenarios),
+        needs=_needs(results, scenarios),
     )
 
 
@@ -104,7 +106,7 @@ def _impact_factor_tells_if_mild(
             *_parts(results, choices, "impact_factor", _of(static, MILD), "more than", TELLS),
             *_parts(results, choices, "impact_factor", _of(static, STRICT), "less than", TELLS),
         ),
-        reservation=_short(results, static),
+        needs=_needs(results, static),
     )
 
 
@@ -131,7 +133,7 @@ def _random_spreads(
         "0.35 with random authors (figures 7.2, 7.4), and more than half with minded ones (7.3, "
         "7.5).",
         parts=tuple(parts),
-        reservation=_short(results, named),
+        needs=_needs(results, named),
     )
 
 
@@ -151,7 +153,7 @@ def _acceptance_tells(
             *_parts(results, choices, "acceptance_rate", random, "less than", -LOOSE),
             *_parts(results, choices, "acceptance_rate", minded, "within", LOOSE),
         ),
-        reservation=_short(results, named),
+        needs=_needs(results, named),
     )
 
 
@@ -175,7 +177,7 @@ def _strict_declines(
         test="The last year has fewer papers than the first; in the last five, the mean quality "
         "lies within a tenth of the range of its middle, and the skewness within 0.5 of none.",
         parts=tuple(parts),
-        reservation=_short(results, strict),
+        needs=_needs(results, strict),
     )
 
 
@@ -191,7 +193,7 @@ def _authors_learn(results: Results, at: Sequence[Condition], choices: Choices) 
             *_parts(results, choices, "papers", at, "more than", TELLS),
             *_parts(results, choices, "impact_factor", at, "less than", TELLS),
         ),
-        reservation=_short(results, at),
+        needs=_needs(results, at),
     )
 
 
@@ -202,7 +204,7 @@ def _editors_learn(results: Results, at: Sequence[Condition], choices: Choices) 
         source="section 7.5.3, figure 7.8",
         test="The correlation of impact factor and mean quality over journals is above 0.5.",
         parts=_parts(results, choices, "impact_factor", at, "more than", TELLS),
-        reservation=_short(results, at),
+        needs=_needs(results, at),
     )
 
 
@@ -257,17 +259,19 @@ def _of(scenarios: Sequence[Condition], editor: str) -> list[Condition]:
     return [at for at in scenarios if at.editor == editor]
 
 
-def _short(results: Results, scenarios: Sequence[Condition]) -> str:
-    """Why shorter simulations or less training than the chapter's decide nothing."""
+def _needs(results: Results, scenarios: Sequence[Condition]) -> tuple[Need, ...]:
+    """The chapter's simulations, and its training of those who learn."""
     learn = [at for at in scenarios if "learned" in (at.author, at.editor)]
-    reasons = []
-    for attribute, of, verb, needed in (
-        ("years", scenarios, "simulated", YEARS),
-        ("steps_per_year", scenarios, "simulated", STEPS_PER_YEAR),
-        ("episodes", learn, "trained", EPISODES),
-    ):
-        least = results.least(attribute, tuple(of))
-        if least is not None and least < needed:
-            unit = attribute.replace("_", " ")
-            reasons.append(f"{verb} for {least} of the {needed} {unit}")
-    return f"{' and '.join(reasons)} that the claim speaks of" if reasons else ""
+    return tuple(
+        Need(
+            verb=f"{verb} for",
+            unit=attribute.replace("_", " "),
+            needed=needed,
+            run=results.least(attribute, tuple(of)),
+        )
+        for attribute, of, verb, needed in (
+            ("years", scenarios, "simulated", YEARS),
+            ("steps_per_year", scenarios, "simulated", STEPS_PER_YEAR),
+            ("episodes", learn, "trained", EPISODES),
+        )
+    )

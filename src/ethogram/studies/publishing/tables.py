@@ -71,7 +71,7 @@ def _correlations(results: Results) -> Table:
         caption="Of the h-index with the quality of the authors; of the others, over journals, "
         "with the mean quality of all that a journal has published; in the last two columns of the "
         "papers that the impact factor counts, of the two years before. Mean over runs with a 95% "
-        "bootstrap interval; runs in which a correlation is not defined are left out.",
+        "interval; runs in which a correlation is not defined are left out.",
         columns=(
             *SCENARIO,
             *(
@@ -111,7 +111,7 @@ def _system(results: Results) -> Table:
         "journals by chance. Acceptance rate: mean over "
         "journals, in the end. The last column is the share of the authors that are stuck with "
         "such a draft in the end; minded authors and such as learn never give one up. Mean over "
-        "runs with a 95% bootstrap interval.",
+        "runs with a 95% interval.",
         columns=(*SCENARIO, *measures),
         rows=tuple(rows),
     )

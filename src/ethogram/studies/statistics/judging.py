@@ -96,9 +96,9 @@ class ClaimSpec:
 
     number: int  # unique in the study
     statement: str
-    source: str
     test: str
     parts: tuple[Part, ...]
+    source: str = ""  # where it is said, for claims that somebody published
     needs: tuple[Need, ...] = ()
     reservation: str = ""
     stated: str = ""  # the date on which the test was first stated
