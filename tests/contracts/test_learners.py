@@ -11,7 +11,7 @@ from ethogram.core.keys import trial_keys
 from ethogram.learners import LEARNERS
 from ethogram.learners.dynamic_programming import MonteCarloControl
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes
-from ethogram.learners.exploration import epsilon_greedy
+from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
 from ethogram.learners.maddpg import MADDPG, Playing
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
@@ -87,6 +87,8 @@ def test_networks_that_are_no_numbers_still_choose_actions(noise):
         )
         action = learner.policy(broken, noise=noise)(key, seen)
         assert all(role.action.contains(action[name]).all() for name, role in roles.items())
+        weights = learner._weights("pianist", key, jnp.full((1, 3), odd), 0.5)
+        assert abs(weights.sum() - 1) < 1e-5
 
 
 def test_an_action_is_one_that_there_is_whatever_its_values():
@@ -99,6 +101,16 @@ def test_an_action_is_one_that_there_is_whatever_its_values():
     bits = jax.random.bits(jax.random.key(0), (8,))
     assert epsilon_greedy(values, bits, 0.0)[3] in (0, 2)  # infinite ones are the highest
     assert epsilon_greedy(values, bits, 0.0)[4] == 1
+
+
+@pytest.mark.parametrize("straight_through", [False, True])
+def test_weights_are_weights_whatever_the_logits(straight_through):
+    logits = jnp.array([[odd, other, 0.0] for odd in ODD for other in ODD])
+    for key in (None, KEY):
+        for temperature in (0.01, 1.0):
+            weights = gumbel_softmax(key, logits, temperature, straight_through=straight_through)
+            assert (weights >= 0).all()
+            np.testing.assert_allclose(weights.sum(-1), 1.0, rtol=1e-5)
 
 
 def test_what_is_counted_is_what_is_allocated(monkeypatch):

@@ -165,26 +165,33 @@ WRONG = (-1, 99_999, -(2**31), 2**31 - 1)
 BEYOND = (jnp.nan, jnp.inf, -jnp.inf, -1e30, 100.0)
 
 
-def test_whole_numbers_out_of_range_are_taken_for_the_nearest_and_spoil_no_state(played):
+def test_what_is_out_of_a_space_is_taken_for_what_is_in_it_and_spoils_no_state(played):
     world, (_, steps), *_, step = played
     before, state, _ = steps[0]
-    for wrong in WRONG:
-        action = {
-            role: value.at[0].set(wrong) if jnp.issubdtype(value.dtype, jnp.integer) else value
-            for role, value in before.items()
-        }
-        taken, key = nearest(world.roles, action), jax.random.key(0)
+    for wrong in zip(WRONG, BEYOND[:4], strict=True):
+        action = {role: _filled(value, *wrong) for role, value in before.items()}
+        taken = nearest(world.roles, action)
+        key = jax.random.key(0)
         found, expected = step(world, key, state, action), step(world, key, state, taken)
         jax.tree.map(np.testing.assert_array_equal, found, expected)
+        after, outcome = found
         for name, role in world.roles.items():
             assert role.action.contains(taken[name]).all()
-            assert role.observation.contains(found[1].observation[name]).all()
-            assert jnp.isfinite(found[1].reward[name]).all()
+            assert role.observation.contains(outcome.observation[name]).all()
+            assert jnp.isfinite(outcome.reward[name]).all()
+        once_more, _ = step(world, key, after, before)
+        assert _finite(once_more) == _finite(state)
 
 
 def _filled(value, whole, real):
     is_whole = jnp.issubdtype(value.dtype, jnp.integer)
     return value.at[0].set(whole if is_whole else real)
+
+
+def _finite(state):
+    return [
+        bool(jnp.isfinite(part).all()) for part in jax.tree.leaves(state) if part.dtype == float
+    ]
 
 
 def test_check_names_role_agent_and_value(played):

@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.spaces import Discrete, MultiDiscrete, is_of_kind
+from ethogram.core.spaces import is_of_kind
 
 if TYPE_CHECKING:
     from ethogram.core.world import PerRole, Role
@@ -61,13 +61,8 @@ def _of_role(world: str, name: str, role: "Role", given: Any) -> Array:
 
 
 def nearest(roles: Roles, action: "PerRole") -> "PerRole":
-    """The action with whole numbers that are out of their space taken for what is in it."""
-    return {
-        name: role.action.nearest(action[name])
-        if isinstance(role.action, Discrete | MultiDiscrete)
-        else action[name]
-        for name, role in roles.items()
-    }
+    """The action with what is out of its space taken for what is in it (see the spaces)."""
+    return {name: role.action.nearest(action[name]) for name, role in roles.items()}
 
 
 def require_inside(world: str, roles: Roles, action: "PerRole") -> "PerRole":
@@ -91,12 +86,10 @@ def require_inside(world: str, roles: Roles, action: "PerRole") -> "PerRole":
 
 
 def admitting(step: Callable[..., Any]) -> Callable[..., Any]:
-    """A world's `step` that only ever sees actions of the right form, whole numbers in range."""
+    """A world's `step` that only ever sees actions of the right form, in their spaces."""
 
     def admitted(self: Any, key: Any, state: Any, action: Any) -> Any:
-        from ethogram.core.specs import role_specs  # which know of worlds, and these of actions
-
-        roles = role_specs(self)  # not `self.roles`: nothing of it is left in a program
+        roles = self.roles
         action = formed(type(self).__name__, roles, action)
         return step(self, key, state, nearest(roles, action))
 

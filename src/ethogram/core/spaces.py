@@ -3,14 +3,15 @@
 A space may be wider than what its world uses, so that settings that change a width share one
 compiled program.  Then `used` tells which entries there are; the others are padding, always 0.
 
-Of every space, `contains` tells which values are in it.  Of those of whole numbers, `nearest` gives
-the value in it that a world takes another one for.  Whole numbers pass for real ones, real
+Of every space, `contains` tells which values are in it, and `nearest` gives, for a value of its
+shape that is not, the one in it that a world takes it for.  Whole numbers pass for real ones, real
 numbers never for whole ones, nor do truth values.
 """
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -89,8 +90,12 @@ class Simplex:
         value = jnp.asarray(value)
         if not is_of_kind(self, value):
             return _none_of(self, value)
-        whole = jnp.abs(value.sum(-1) - 1) <= ROUNDING
-        return (value >= 0).all(-1) & whole & _padding_is_zero(value, self.used).all(-1)
+        return _are_weights(value) & _padding_is_zero(value, self.used).all(-1)
+
+    def nearest(self, value: Array) -> Array:
+        """Weights that are no such count as the choice of the largest; padding may be chosen."""
+        choice = jax.nn.one_hot(jnp.nan_to_num(value).argmax(-1), self.n, dtype=value.dtype)
+        return jnp.where(_are_weights(value)[..., None], value, choice)
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,11 @@ class Box:
         within = (value >= self.low) & (value <= self.high)
         return (within & _padding_is_zero(value, self.used)).all(axes)
 
+    def nearest(self, value: Array) -> Array:
+        """A number beyond a bound counts as the bound, and what is no number as 0 does."""
+        inside = jnp.clip(jnp.where(jnp.isnan(value), 0, value), self.low, self.high)
+        return inside if self.used is None else jnp.where(self.used, inside, 0)
+
 
 Space = Discrete | MultiDiscrete | Simplex | Box
 
@@ -127,6 +137,10 @@ def is_of_kind(space: Space, value: Array) -> bool:
 def _none_of(space: Space, value: Array) -> Array:
     """That nothing in an array is in a space, for as many values as it would hold."""
     return jnp.zeros(value.shape[: max(0, value.ndim - len(space.shape))], bool)
+
+
+def _are_weights(value: Array) -> Array:
+    return (value >= 0).all(-1) & (jnp.abs(value.sum(-1) - 1) <= ROUNDING)
 
 
 def _padding_is_zero(value: Array, used: Array | None) -> Array:

@@ -74,10 +74,9 @@ class World(Module):
     program.
 
     Every `step` sees actions of the right form only: an array per role, of its shape and kind of
-    number, is asked for when the step is traced, which costs nothing in a compiled program.  Whole
-    numbers out of their space are taken for the nearest in it; what becomes of real ones stands on
-    the world's page.  `check` refuses both, and so does every step of
-    `ethogram.core.checked.Checked(world)`.
+    number, is asked for when the step is traced, which costs nothing in a compiled program.  Values
+    out of a space are taken for others in it (`nearest`, of each space), so that none can spoil a
+    state.  `check` refuses them, and so does every step of `ethogram.core.checked.Checked(world)`.
     """
 
     def __init_subclass__(cls, *, any_action: bool = False, **further: Any) -> None:
