@@ -188,9 +188,22 @@ def papers_and_quality(data: xr.Dataset) -> np.ndarray:
     return correlation(papers, _mean(_summed(data, "quality", "last"), papers), "pearson")
 
 
-def share_of_few(data: xr.Dataset, years: Years = "simulated") -> np.ndarray:
-    """Share of the papers of some years in the fourth of the journals that has most."""
-    return _most(_summed(data, "papers", years))
+def _of_shares(data: xr.Dataset) -> Support:
+    """Those that have most have no less than they would have if all had as many."""
+    journals = data.sizes["journal"]
+    return Support(low=_few(journals) / journals, high=1.0)
+
+
+@bounded(_of_shares)
+def share_of_few(data: xr.Dataset) -> np.ndarray:
+    """Share of the papers of all simulated years in the fourth of the journals that has most."""
+    return _most(_summed(data, "papers", "simulated"))
+
+
+@bounded(_of_shares)
+def share_in_last_year(data: xr.Dataset) -> np.ndarray:
+    """That share of the papers of the last year."""
+    return _most(_summed(data, "papers", "last"))
 
 
 def share_beyond_chance(data: xr.Dataset) -> np.ndarray:

@@ -26,7 +26,7 @@ from ethogram.studies.publishing.results import (
     last_correlation,
     papers_and_quality,
     share_beyond_chance,
-    share_of_few,
+    share_in_last_year,
 )
 from ethogram.studies.publishing.statements import AS_STATED, Choices, specs
 from ethogram.studies.statistics import ClaimSpec, judge
@@ -70,7 +70,7 @@ CHANGES = (
     Change(
         "papers of the last year alone",
         (3, 6),
-        Choices(correlation=_of_the_last_year, share=partial(share_of_few, years="last")),
+        Choices(correlation=_of_the_last_year, share=share_in_last_year),
     ),
     Change(
         "papers of the last year alone, their share less what chance adds",
