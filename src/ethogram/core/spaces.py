@@ -93,8 +93,13 @@ class Simplex:
         return _are_weights(value) & _padding_is_zero(value, self.used).all(-1)
 
     def nearest(self, value: Array) -> Array:
-        """Weights that are no such count as the choice of the largest; padding may be chosen."""
-        choice = jax.nn.one_hot(jnp.nan_to_num(value).argmax(-1), self.n, dtype=value.dtype)
+        """What are no weights counts as the choice of the largest used one; padding may be chosen.
+
+        So a talker that may not be silent can still be silenced.
+        """
+        used = True if self.used is None else self.used
+        weight = jnp.where(used, jnp.nan_to_num(value), -jnp.inf)
+        choice = jax.nn.one_hot(weight.argmax(-1), self.n, dtype=value.dtype)
         return jnp.where(_are_weights(value)[..., None], value, choice)
 
 

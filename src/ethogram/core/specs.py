@@ -21,8 +21,7 @@ REMEMBERED = 1000  # worlds
 
 def role_specs(world: World) -> dict[str, Role]:
     """A world's roles; their spaces tell neither the bounds of boxes nor what is padding."""
-    specs: dict[str, Role] = _remembered(_roles, world)
-    return specs
+    return dict(_remembered(_roles, world))
 
 
 def state_spec(world: World) -> Any:
@@ -41,11 +40,12 @@ def key_spec() -> Any:
     return jax.eval_shape(jax.random.key, 0)
 
 
-def _roles(world: World) -> dict[str, Role]:
-    return {
-        name: Role(role.agents, _without_arrays(role.observation), _without_arrays(role.action))
+def _roles(world: World) -> list[tuple[str, Role]]:
+    """Pairs, since dicts lose their order in JAX, and keys are dealt out in that of the roles."""
+    return [
+        (name, Role(role.agents, _without_arrays(role.observation), _without_arrays(role.action)))
         for name, role in world.roles.items()
-    }
+    ]
 
 
 def _state(world: World) -> Any:

@@ -49,7 +49,7 @@ def gumbel_softmax(
 
     softmax((logits + g) / temperature) with g of the standard Gumbel distribution (Jang et al.,
     ICLR 2017; Maddison et al., ICLR 2017), differentiable in the logits; without a key, g = 0.
-    Where logits are no numbers, as in a learner that has diverged, the first choice has all weight.
+    Where logits are not finite, as in a learner that has diverged, one choice has all the weight.
 
     Args:
         key: consumed.
@@ -62,8 +62,9 @@ def gumbel_softmax(
     if key is not None:
         logits = logits + jax.random.gumbel(key, logits.shape)
     weights = jax.nn.softmax(logits / temperature)
-    first = jax.nn.one_hot(0, weights.shape[-1], dtype=weights.dtype)
-    weights = jnp.where(jnp.isnan(weights).any(-1, keepdims=True), first, weights)
+    largest = jnp.nan_to_num(logits, nan=0.0, neginf=0.0).argmax(-1)
+    choice = jax.nn.one_hot(largest, weights.shape[-1], dtype=weights.dtype)
+    weights = jnp.where(jnp.isnan(weights).any(-1, keepdims=True), choice, weights)
     if not straight_through:
         return weights
     heaviest = jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
