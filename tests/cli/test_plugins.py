@@ -36,9 +36,12 @@ def plugin(tmp_path, monkeypatch):
     site = tmp_path / "site"
     monkeypatch.syspath_prepend(str(site))
 
-    def install(text, version="1.0"):
+    def forget():
         for module in [name for name in sys.modules if name.partition(".")[0] == "grazing"]:
             del sys.modules[module]
+
+    def install(text, version="1.0"):
+        forget()
         info = site / "grazing.dist-info"
         for folder in (info, site / "grazing"):
             folder.mkdir(parents=True, exist_ok=True)
@@ -48,7 +51,8 @@ def plugin(tmp_path, monkeypatch):
         (site / "grazing" / "study.py").write_text(text)
 
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # two texts may be as long and as old
-    return install
+    yield install
+    forget()
 
 
 @pytest.mark.parametrize(("text", "said_of_it"), BROKEN.values(), ids=BROKEN)

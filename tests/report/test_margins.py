@@ -16,8 +16,8 @@ CLAIM = Claim(
     number=4, statement="", test="", effect=-0.018, low=-0.026, high=-0.010, unit="return",
     p_value=0.001, verdict="refuted", side="less than", margin=-2.0,
 )  # fmt: skip
-NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
-WIDTHS = st.floats(0, 1e6, allow_subnormal=False)
+NUMBERS = st.just(0.0) | st.floats(1e-6, 1e6) | st.floats(-1e6, -1e-6)
+WIDTHS = st.just(0.0) | st.floats(1e-6, 1e6)
 
 
 def drawn(claim: Claim) -> dict[str, list[float]]:
