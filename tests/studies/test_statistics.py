@@ -374,6 +374,14 @@ def test_the_interval_of_a_confirmed_claim_covers_the_part_that_it_shows():
     assert held >= 95
 
 
+def test_the_interval_of_an_effect_ends_where_its_measures_do():
+    within = Support(low=0.0, high=1.0)
+    one = Trials("one", np.array([0.7, 0.8, 0.9, 0.97, 1.0]), within)
+    other = Trials("other", np.array([0.0, 0.02, 0.1, 0.2, 0.3]), within)
+    found = verdict(part((1.0, one), (-2.0, other), margin=0.0))
+    assert (found.low, found.high) == (-2.0, 1.0)
+
+
 def test_the_far_end_of_a_match_stays_within_the_margin():
     claim = verdict(
         *(part((1.0, normal(n, 0.4, spread=0.05)), side="within", margin=1.2) for n in range(6))

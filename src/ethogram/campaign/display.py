@@ -13,6 +13,7 @@ from ethogram.campaign.launch import Prospect
 from ethogram.campaign.run import Receipt
 from ethogram.campaign.study import Study
 
+_EARLY = 0.05  # of a run: compiling takes most of the time till then
 _LINE_SECONDS = 15.0  # between two plain lines while no case ends
 
 
@@ -101,9 +102,9 @@ class Estimate:
         return part / whole if whole > 0 else 1.0
 
     def remaining(self) -> str:
-        """The time left in words; nothing as long as nothing is known."""
+        """The time left in words; nothing as long as little is known."""
         done = self.done()
-        if not 0 < done < 1:
+        if not _EARLY < done < 1:
             return ""
         elapsed = time.monotonic() - self._start
         return f"about {readable_seconds(elapsed * (1 - done) / done)} left"

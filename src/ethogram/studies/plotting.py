@@ -24,17 +24,17 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib import style as matplotlib_style
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure as Drawing
 from numpy.typing import ArrayLike, NDArray
 
 from ethogram.core.findings import Cell, Table
 from ethogram.studies.statistics import interval_of_mean
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
 
 Row = tuple[Cell, ...]  # of a figure's data
 
@@ -109,6 +109,8 @@ SERIES: tuple[Series, ...] = (
 @contextmanager
 def style() -> Iterator[None]:
     """Draw in Ethogram's look inside this block, or in a function that this decorates."""
+    from matplotlib import style as matplotlib_style
+
     with matplotlib_style.context(["default", _STYLE]):
         yield
 
@@ -121,15 +123,17 @@ def new_figure(
     height: float | None = None,
     share_x: bool | Literal["row", "col"] = "col",
     share_y: bool | Literal["row", "col"] = "row",
-) -> tuple[Drawing, np.ndarray[tuple[int, int], np.dtype[Any]]]:
+) -> "tuple[Drawing, np.ndarray[tuple[int, int], np.dtype[Any]]]":
     """A drawing and its panels as a (rows, columns) array of `Axes`; sizes in inches."""
+    from matplotlib.figure import Figure as Drawing
+
     drawing = Drawing(figsize=(width, height or 0.5 + PANEL_HEIGHT * rows))
     panels = drawing.subplots(rows, columns, sharex=share_x, sharey=share_y, squeeze=False)
     return drawing, panels
 
 
 def draw_band(
-    axes: Axes,
+    axes: "Axes",
     x: ArrayLike,
     middle: ArrayLike,
     low: ArrayLike,
@@ -154,7 +158,7 @@ def draw_band(
 
 
 def draw_mean(
-    axes: Axes,
+    axes: "Axes",
     x: ArrayLike,
     samples: NDArray[Any],
     series: Series,
@@ -179,12 +183,14 @@ BOX_COLUMNS = ("minimum", "lower quartile", "median", "upper quartile", "maximum
 
 
 def draw_boxes(
-    axes: Axes, samples: Mapping[str, NDArray[Any]], series: Sequence[Series]
+    axes: "Axes", samples: Mapping[str, NDArray[Any]], series: Sequence[Series]
 ) -> list[Row]:
     """One box per named sample: quartiles, median in the page's ink, whiskers at 1.5 IQR.
 
     Returns, for each sample that is not empty, a row of its name and `BOX_COLUMNS`.
     """
+    from matplotlib.colors import to_rgba
+
     drawn = axes.boxplot(
         [np.asarray(sample, dtype=float) for sample in samples.values()],
         manage_ticks=False,  # which would tick shared axes once per panel
@@ -212,15 +218,15 @@ def draw_boxes(
     ]
 
 
-def draw_legend(drawing: Drawing, panel: Axes, *, columns: int = 4) -> None:
+def draw_legend(drawing: "Drawing", panel: "Axes", *, columns: int = 4) -> None:
     """Name the series of `panel` once, above all panels, the same everywhere."""
     handles, labels = panel.get_legend_handles_labels()
     drawing.legend(handles, labels, loc="outside upper left", ncols=columns, borderaxespad=0.2)
 
 
-def fullest(panels: NDArray[Any]) -> Axes:
+def fullest(panels: NDArray[Any]) -> "Axes":
     """The panel with the most series, to take the legend from."""
-    axes: Axes = max(panels.flat, key=lambda panel: len(panel.get_legend_handles_labels()[0]))
+    axes: "Axes" = max(panels.flat, key=lambda panel: len(panel.get_legend_handles_labels()[0]))
     return axes
 
 
@@ -231,7 +237,7 @@ def data_table(figure: str, columns: tuple[str, ...], rows: Sequence[Row]) -> Ta
     )
 
 
-def svg(drawing: Drawing) -> str:
+def svg(drawing: "Drawing") -> str:
     """The drawing as one <svg> element, the same bytes for the same drawing."""
     page = io.StringIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))

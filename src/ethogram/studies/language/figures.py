@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Figure
@@ -27,6 +27,9 @@ from ethogram.studies.plotting import (
     svg,
 )
 from ethogram.studies.statistics import interval_of_mean
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 LEARNED, SILENCE, OPTIMAL, NO_COMMUNICATION, *REFERENCES = SERIES
 POLICIES = (NO_COMMUNICATION, OPTIMAL, LEARNED, *REFERENCES)  # as `Setting.selected` has them
@@ -69,7 +72,7 @@ def _averaged(results: Results) -> Figure | None:
         title="Figure 2.1: Normalised validation reward against expressiveness",
         caption="R_val scaled, in each trial and setting, to mean 0 and deviation 1 over all |W|; "
         "averaged over the settings of which all were run, (n_r, n_t) = "
-        f"{_listed(whole)}; mean over trials with 95% band.",
+        f"{_listed(whole)}; mean over trials with 95% band (of fewer than five, their range).",
         alt="Normalised validation reward against expressiveness from 0 to 4, one line; highest "
         f"at e = {CURVE[averaged.mean(0).argmax()]:g}.",
         svg=svg(drawing),
@@ -83,7 +86,8 @@ def _validation(results: Results) -> Figure | None:
         results.settings,
         name="figure-2-2",
         title="Figure 2.2: Validation reward against expressiveness",
-        caption="Mean R_val over trials with 95% bands and bars; crosses: the thesis' "
+        caption="Mean R_val over trials with 95% bands and bars (of fewer than five, their "
+        "range); crosses: the thesis' "
         "Table 2.2. Lines across: hand-made reference controllers that know the targets of all "
         "robots (informed) or of none.",
         alt="A panel per number of robots and targets: R_val of learned policies against "
@@ -94,7 +98,7 @@ def _validation(results: Results) -> Figure | None:
     )
 
 
-def _draw_validation(panel: Axes, results: Results, setting: Setting) -> list[Row]:
+def _draw_validation(panel: "Axes", results: Results, setting: Setting) -> list[Row]:
     return [
         *_curve(panel, results, setting, False),
         *_curve(panel, results, setting, True),
@@ -105,7 +109,7 @@ def _draw_validation(panel: Axes, results: Results, setting: Setting) -> list[Ro
     ]
 
 
-def _curve(panel: Axes, results: Results, setting: Setting, silence: bool) -> list[Row]:
+def _curve(panel: "Axes", results: Results, setting: Setting, silence: bool) -> list[Row]:
     """R_val of learned policies, those that may be silent or those that may not."""
     wanted = (*setting, "learned", silence)
     line = [at for at in results.by_condition if (*at[:3], at.silence) == wanted]
@@ -121,7 +125,9 @@ def _curve(panel: Axes, results: Results, setting: Setting, silence: bool) -> li
     return [(name, *row) for row in drawn]
 
 
-def _dot(panel: Axes, results: Results, condition: Condition, look: Series, name: str) -> list[Row]:
+def _dot(
+    panel: "Axes", results: Results, condition: Condition, look: Series, name: str
+) -> list[Row]:
     """A baseline as a dot with its interval."""
     if condition not in results.by_condition:
         return []
@@ -132,7 +138,7 @@ def _dot(panel: Axes, results: Results, condition: Condition, look: Series, name
     return [(name, e, float(samples.mean()), float(low), float(high))]
 
 
-def _references(panel: Axes, setting: Setting) -> list[Row]:
+def _references(panel: "Axes", setting: Setting) -> list[Row]:
     """The reference controllers as lines across."""
     rows: list[Row] = []
     for (name, per_robot), look in zip(REFERENCE_REWARD.items(), REFERENCES, strict=True):
@@ -143,7 +149,7 @@ def _references(panel: Axes, setting: Setting) -> list[Row]:
     return rows
 
 
-def _printed(panel: Axes, setting: Setting) -> list[Row]:
+def _printed(panel: "Axes", setting: Setting) -> list[Row]:
     """What Table 2.2 says of the setting, as crosses."""
     keys = [(*setting, e) for e in SELECTED]
     reward = [(key[2], VALIDATION_REWARD[key][0]) for key in keys if key in VALIDATION_REWARD]
@@ -178,7 +184,7 @@ def _boxes(results: Results) -> Figure | None:
 def _learning(results: Results) -> Figure | None:
     """Figure 2.4."""
 
-    def draw(panel: Axes, setting: Setting) -> list[Row]:
+    def draw(panel: "Axes", setting: Setting) -> list[Row]:
         rows: list[Row] = []
         for look, (name, condition) in zip(POLICIES, setting.selected().items(), strict=True):
             data = results.by_condition.get(condition)
@@ -198,7 +204,7 @@ def _learning(results: Results) -> Figure | None:
         name="figure-2-4",
         title="Figure 2.4: Learning reward during training",
         caption="R_learn, the return of training episodes averaged since the last point; mean "
-        "over trials with 95% bands.",
+        "over trials with 95% bands (of fewer than five, their range).",
         alt="A panel per setting: learning reward against training episodes for three values of "
         "expressiveness and both baselines.",
         columns=("policy", "thousand episodes", "mean", "low", "high"),
@@ -269,7 +275,7 @@ def _panels(
     alt: str,
     columns: tuple[str, ...],
     labels: tuple[str, str],
-    draw: Callable[[Axes, Setting], Sequence[Row]],
+    draw: Callable[["Axes", Setting], Sequence[Row]],
 ) -> Figure | None:
     """A figure with a panel per setting, at most three in a row; none without a setting."""
     if not settings:

@@ -78,7 +78,7 @@ def _table_2_3(results: Results) -> Table:
         name="table-2-3",
         title="Table 2.3: Thousands of episodes to 95% of the final learning reward",
         caption="Until the learning reward is first within 5% of its final value, the mean over "
-        "the last tenth of training; mean over trials with a 95% interval.",
+        "the last tenth of training; mean over trials with a 95% interval or range.",
         columns=(*SETTING, "policy", "episodes (thousands)"),
         rows=tuple(rows),
     )
@@ -88,7 +88,7 @@ def _returns(results: Results) -> Table:
     return Table(
         name="returns",
         title="Return in validation",
-        caption="Sum over all agents and steps, mean over trials with a 95% interval. "
+        caption="Sum over all agents and steps, mean over trials with a 95% interval or range. "
         "R_val: actions are sampled. Noise-free: without the noise of sampling. Discounted: "
         f"eq. 2.1 with the learner's discount{_discounts(results)}, and with the initial state's "
         "reward. Silenced: nobody hears anything. Scrambled: "
@@ -107,7 +107,7 @@ def _language(results: Results) -> Table:
     return Table(
         name="language",
         title="The language that emerged",
-        caption="Means over talkers, then over trials, with a 95% interval. Lost: R_val "
+        caption="Means over talkers, then over trials, with a 95% interval or range. Lost: R_val "
         "less the return with the channel silenced or scrambled. Influence: what a word changes "
         "in the movement of another robot. Target and association told: mutual information of "
         "the word with what the talker knows, 1 if it tells all. Effective vocabulary: exp of "

@@ -6,11 +6,10 @@ of the first run.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Figure
@@ -35,6 +34,9 @@ from ethogram.studies.publishing.results import (
     papers_per_year,
 )
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 BINS = 12  # of the distributions that are not of qualities
 DOTS = 40  # in a path; matplotlib takes points away from those of more than 128 vertices
@@ -146,7 +148,7 @@ def _grid(results: Results, at: Condition) -> Figure:
     )
 
 
-def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
+def _draw(panel: "Axes", seen: Snapshot, title: str, year: int) -> list[Row]:
     there = np.isfinite(seen.x) & np.isfinite(seen.y)
     x, y = seen.x[there], seen.y[there]
     if seen.width:
@@ -161,7 +163,7 @@ def _draw(panel: Axes, seen: Snapshot, title: str, year: int) -> list[Row]:
     return [(title, year, float(a), float(b), None, None) for a, b in zip(x, y, strict=True)]
 
 
-def _evolve(panel: Axes, data: xr.Dataset, analysis: Analysis) -> list[Row]:
+def _evolve(panel: "Axes", data: xr.Dataset, analysis: Analysis) -> list[Row]:
     years, values = analysis.evolution(data)
     whole = np.isfinite(values).all(1)
     if not whole.any():

@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
-from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Polygon
 
 from ethogram.core.scene import Scene
 from ethogram.studies.plotting import INK, PAGE_WIDTH, Row, new_figure, svg
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 DEPTH = (0.42, 0.26)  # how far right and up on paper a unit of depth goes
 FACES = (  # of a cube: the neighbour that would hide it, its colour in light from above, corners
@@ -44,8 +46,10 @@ def draw_bodies(bodies: Mapping[str, Int[np.ndarray, "voxel 3"]]) -> str:
     return svg(drawing)
 
 
-def _draw_body(panel: Axes, cells: Int[np.ndarray, "voxel 3"]) -> None:
+def _draw_body(panel: "Axes", cells: Int[np.ndarray, "voxel 3"]) -> None:
     """What is further away, lower and further left first."""
+    from matplotlib.patches import Polygon
+
     filled = {tuple(cell) for cell in cells.tolist()}
     for x, y, z in sorted(filled, key=lambda cell: (-cell[1], cell[2], cell[0])):
         for (right, back, up), colour, corners in FACES:
@@ -69,6 +73,8 @@ def draw_strip(scene: Scene, frames: Sequence[int]) -> tuple[str, list[Row]]:
     A cube is a square of the edge that is commanded to it, turned as far as it is turned about y.
     All frames show the same place, so that a robot is seen to get ahead.
     """
+    from matplotlib.patches import Patch
+
     squares = {frame: _squares(scene, frame) for frame in frames}
     left, bottom = np.min([each.min((0, 1)) for each in squares.values()], 0) - MARGIN
     right, top = np.max([each.max((0, 1)) for each in squares.values()], 0) + MARGIN
@@ -101,9 +107,11 @@ def draw_strip(scene: Scene, frames: Sequence[int]) -> tuple[str, list[Row]]:
 
 
 def _draw_frame(
-    panel: Axes, scene: Scene, frame: int, corners: Float[np.ndarray, "shape 4 2"]
+    panel: "Axes", scene: Scene, frame: int, corners: Float[np.ndarray, "shape 4 2"]
 ) -> None:
     """One frame, what is further away (high y) first."""
+    from matplotlib.patches import Polygon
+
     for shape in np.argsort(-scene.position[frame, :, 1], kind="stable"):
         tint = int(scene.tint[frame, shape])
         if 0 <= tint < len(TINTS):

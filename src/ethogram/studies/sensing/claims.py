@@ -65,7 +65,7 @@ JACKKNIFED = 3  # runs that it takes to leave one out and still have neighbours
 DISTANCE, COUNT, SILHOUETTE = "mm", "cases", "silhouette"  # units
 
 STATED = "2026-11-26"
-HISTORY = (tests_revised("The published results of six runs of the thesis plan."),)
+HISTORY = (tests_revised("The published results of six runs, plan excerpt."),)
 
 Spec = Callable[[Results, str, int], ClaimSpec]
 

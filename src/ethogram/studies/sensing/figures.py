@@ -2,9 +2,7 @@
 
 import math
 from collections.abc import Iterable
-
-from matplotlib.axes import Axes
-from matplotlib.ticker import NullFormatter
+from typing import TYPE_CHECKING
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Figure
@@ -36,6 +34,9 @@ from ethogram.studies.sensing.results import (
     curve,
 )
 from ethogram.worlds.softbody3d.bodies import cells_of
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 ACROSS = 3  # panels
 MEAN_COLUMNS = ("generation", "mean", "low", "high")
@@ -114,7 +115,7 @@ def _evolution(results: Results) -> Figure | None:
     )
 
 
-def _printed(panel: Axes, body: str) -> list[Row]:
+def _printed(panel: "Axes", body: str) -> list[Row]:
     """What Table 5.2 says of a body, at the panel's right edge."""
     rows: list[Row] = []
     for at in (non_sensing(body, "even"), sensing(body, OUTPUTS[0], "even")):
@@ -136,8 +137,10 @@ def _printed(panel: Axes, body: str) -> list[Row]:
     return rows
 
 
-def _logarithmic(panel: Axes) -> None:
+def _logarithmic(panel: "Axes") -> None:
     """A logarithmic scale, unless a fitness is not positive."""
+    from matplotlib.ticker import NullFormatter
+
     if panel.dataLim.y0 > 0:
         panel.set_yscale("log")
         panel.yaxis.set_major_formatter("{x:g}")

@@ -1,11 +1,10 @@
 """Maps of behaviours: runs that move alike lie near to each other (figures 5.5 and 5.6)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 
 from ethogram.core.findings import Figure
 from ethogram.studies.plotting import Row, data_table, draw_legend, fullest, new_figure, svg
@@ -25,6 +24,9 @@ from ethogram.studies.sensing.looks import look
 from ethogram.studies.sensing.results import (
     Results,
 )
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 METHODS: dict[str, Callable[[Behaviours], Float[np.ndarray, "run 2"]]] = {
     "MDS": scaled,
@@ -153,7 +155,7 @@ def _height(moved: Mapping[str, Sequence[Moved]]) -> float:
     return 0.4 + PANEL_HEIGHT * len(moved)
 
 
-def _draw(panel: Axes, points: Map, framed: Map) -> None:
+def _draw(panel: "Axes", points: Map, framed: Map) -> None:
     """Points, in a frame that all of a map's points fit in, with one scale for both axes."""
     for condition in dict.fromkeys(run.condition for run, _, _ in points):
         series = look(condition)

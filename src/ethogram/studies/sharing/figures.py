@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 
 from ethogram.core.findings import Figure
 from ethogram.studies.plotting import (
@@ -34,6 +33,9 @@ from ethogram.studies.sharing.plan import (
 )
 from ethogram.studies.sharing.results import Records, Results
 from ethogram.worlds.sharing.reward import Scenario
+
+if TYPE_CHECKING:  # slow to load, and only drawing needs it
+    from matplotlib.axes import Axes
 
 LOOK = dict(zip(STRATEGIES, SERIES, strict=False))  # every strategy looks the same throughout
 SETTING_COLUMNS = ("scenario", "filling")
@@ -131,7 +133,7 @@ def _displacement(results: Results) -> Figure:
 def _strategies(results: Results, read: Reader, *, markers: bool = False, **frame: Any) -> Figure:
     """A line per strategy in every panel; `frame` goes to `_panels`."""
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
+    def draw(panel: "Axes", setting: tuple[Scenario, bool]) -> list[Row]:
         rows: list[Row] = []
         for strategy in STRATEGIES:
             condition = Condition(setting[0], strategy, setting[1])
@@ -147,7 +149,7 @@ def _communication(results: Results) -> Figure:
     """Figure 3.5."""
     shown = (("communication", SERIES[0]), ("reward", SERIES[1]))
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
+    def draw(panel: "Axes", setting: tuple[Scenario, bool]) -> list[Row]:
         condition = Condition(setting[0], "optional", setting[1])
         return [
             (variable, *row)
@@ -183,7 +185,7 @@ def _communication(results: Results) -> Figure:
 def _individual_returns(results: Results) -> Figure:
     """Figure 3.6."""
 
-    def draw(panel: Axes, setting: tuple[Scenario, bool]) -> list[Row]:
+    def draw(panel: "Axes", setting: tuple[Scenario, bool]) -> list[Row]:
         samples: dict[str, np.ndarray] = {}
         for strategy in STRATEGIES:
             data = results.by_condition.get(Condition(setting[0], strategy, setting[1]))
@@ -280,7 +282,7 @@ def _panels(
     alt: str,
     columns: tuple[str, ...],
     labels: tuple[str, str],
-    draw: Callable[[Axes, tuple[Scenario, bool]], Sequence[Row]],
+    draw: Callable[["Axes", tuple[Scenario, bool]], Sequence[Row]],
     legend: bool = True,
 ) -> Figure:
     """A figure with a row of panels per scenario that was run and a column per filling."""
@@ -310,7 +312,7 @@ def _panels(
 
 
 def _line(
-    panel: Axes,
+    panel: "Axes",
     results: Results,
     condition: Condition,
     read: Reader,

@@ -31,7 +31,7 @@ from ethogram.core.findings import Claim, Revision, Side, Verdict
 from ethogram.studies.statistics.effects import LEAST_P, Effect, estimate
 from ethogram.studies.statistics.intervals import Interval
 from ethogram.studies.statistics.needs import Need, shortage
-from ethogram.studies.statistics.trials import ROUNDING, Terms
+from ethogram.studies.statistics.trials import ROUNDING, Terms, reach
 
 NO_INTERVAL = Interval(None, None)
 FAMILY_ERROR = 0.05  # chance of one wrong verdict or more among a study's claims
@@ -192,10 +192,11 @@ class _Tested:
         return self.effect is not None and self.part.admits(self.effect.mean)
 
     def interval(self, below: float, above: float) -> Interval:
-        """The bounds of the effect, each at its one-sided chance of error."""
+        """The bounds of the effect, each at its one-sided chance of error, as far as it can be."""
         if self.effect is None or self.few:
             return NO_INTERVAL
-        return Interval(self.effect.lower(below), self.effect.upper(above))
+        low, high = reach(self.part.terms)
+        return Interval(max(low, self.effect.lower(below)), min(high, self.effect.upper(above)))
 
 
 def _test(part: Part) -> _Tested:

@@ -134,6 +134,16 @@ def hardly_varies(values: Floats) -> bool:
 Terms = tuple[tuple[float, Trials], ...]
 
 
+def reach(terms: Terms) -> tuple[float, float]:
+    """The least and the largest effect that there can be, of what the measures can be."""
+    low = high = 0.0
+    for weight, trials in terms:
+        support = trials.support
+        ends = weight * support.low, weight * (math.inf if support.capped else support.high)
+        low, high = low + min(ends), high + max(ends)
+    return low, high
+
+
 def difference(a: Trials, b: Trials, scale: float = 1.0) -> Terms:
     """The effect mean(a) - scale mean(b).
 
