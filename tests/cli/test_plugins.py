@@ -21,6 +21,11 @@ def cases(plan):
 BROKEN = {  # what is wrong with a package -> its text, and what is said of it
     "import": (f"{WHOLE}import nothing_of_this_name\n", "grazing/study.py:4"),
     "error": (f"{WHOLE}\n1 / 0\n", "ZeroDivisionError: division by zero (grazing/study.py:5)"),
+    "base": (f"{WHOLE}raise BaseException('boo')\n", "BaseException: boo (grazing/study.py:4)"),
+    "attribute": (
+        f"{WHOLE}del TITLE\ndef __getattr__(name):\n    raise RuntimeError(name)\n",
+        "RuntimeError: ",
+    ),
     "name": ("from tests.campaign.toy import *\n", "its NAME is 'toy'"),
     "title": (f"{WHOLE}del TITLE\n", "it lacks TITLE"),
     "several": (f"{WHOLE}del run, cost\n", "it lacks cost, run"),
@@ -53,6 +58,21 @@ def plugin(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # two texts may be as long and as old
     yield install
     forget()
+
+
+def test_entry_points_that_cannot_be_read_are_named_and_all_others_are_listed(
+    plugin, ethogram, tmp_path
+):
+    plugin(WHOLE)
+    info = tmp_path / "site" / "thicket.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: thicket\nVersion: 1.0")
+    (info / "entry_points.txt").write_text("garbage [[[\nno equals\n[ethogram.studies]\nfoo\n")
+    code, out, said = ethogram("list")
+    assert code == 1
+    assert "grazing: " in out
+    assert "toy: " in out
+    assert "The entry points of 'thicket' cannot be read" in said
 
 
 @pytest.mark.parametrize(("text", "said_of_it"), BROKEN.values(), ids=BROKEN)

@@ -121,7 +121,7 @@ def list_() -> int:
     from ethogram.studies import STUDIES
     from ethogram.worlds import WORLDS
 
-    broken = []
+    broken = STUDIES.unreadable()
     for name in STUDIES.names():
         try:
             study = STUDIES.get(name)

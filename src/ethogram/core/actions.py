@@ -45,19 +45,37 @@ def formed(world: str, roles: Roles, action: Any) -> "PerRole":
 
 
 def _of_role(world: str, name: str, role: "Role", given: Any) -> Array:
-    try:
-        value = jnp.asarray(given)
-    except (TypeError, ValueError):
-        value = None
+    value = _as_array(given)
     shape = (role.agents, *role.action.shape)
     if value is None or value.shape != shape or not is_of_kind(role.action, value):
-        kind = jnp.dtype(role.action.kind).name
+        kind = jnp.result_type(role.action.kind).name
         found = repr(given) if value is None else f"{value.dtype}{list(value.shape)}"
         raise InvalidAction(
             f"{world}: the action of the role {name!r} is {kind}{list(shape)}, for each of "
             f"{role.agents} agents one of {role.action}; given: {found}."
         )
     return value.astype(jnp.result_type(role.action.kind))
+
+
+def _as_array(given: Any) -> Array | None:
+    """An array as JAX computes with it; whole numbers beyond its range are the last ones in it."""
+    largest = np.iinfo(jnp.result_type(int))
+    try:
+        if not isinstance(given, Array) and not _is_traced(given):
+            given = np.asarray(given)
+            if given.dtype.kind in "iu":
+                given = given.clip(largest.min, largest.max).astype(largest.dtype)
+        with np.errstate(over="ignore"):
+            value = jnp.asarray(given)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    unsigned = jnp.issubdtype(value.dtype, jnp.unsignedinteger)
+    return jnp.minimum(value, largest.max) if unsigned else value
+
+
+def _is_traced(given: Any) -> bool:
+    """Whether any number is not known yet, as in a list of them inside `jit`."""
+    return any(isinstance(leaf, Array) for leaf in jax.tree.leaves(given))
 
 
 def nearest(roles: Roles, action: "PerRole") -> "PerRole":

@@ -10,7 +10,7 @@ package adds a name through an entry point of the registry's group, for example
 
 import sys
 from collections.abc import Callable, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points
 from typing import Any, Generic, TypeVar, cast
 
 from ethogram.core.errors import EthogramError, UnknownName, place_of
@@ -74,10 +74,12 @@ class Registry(Generic[T]):
         refusal = f"The {self.what} {entry.name!r} cannot be loaded from {_origin(entry)}: "
         try:
             loaded = entry.load()
-        except (Exception, SystemExit) as cause:
+            trouble = self._trouble_with(entry.name, loaded) if self._trouble_with else ""
+        except KeyboardInterrupt:
+            raise
+        except BaseException as cause:  # whatever another package raises, the rest goes on
             place = place_of(cause, entry.module)
             raise EthogramError(f"{refusal}{type(cause).__name__}: {cause} ({place}).") from cause
-        trouble = self._trouble_with(entry.name, loaded) if self._trouble_with else ""
         if trouble:
             file = getattr(sys.modules.get(entry.module), "__file__", None) or entry.module
             raise EthogramError(f"{refusal}{trouble} ({file}:1).")
@@ -86,9 +88,29 @@ class Registry(Generic[T]):
     def _entries(self) -> dict[str, list[EntryPoint]]:
         """Our entries and the plug-ins' ones; more than one where packages claim the same name."""
         entries = {name: [entry] for name, entry in self._builtin.items()}
-        for plugin in entry_points(group=self.group):
+        for plugin in _plugins(self.group)[0]:
             entries.setdefault(plugin.name, []).append(plugin)
         return entries
+
+    def unreadable(self) -> list[str]:
+        """What is wrong with packages whose entry points cannot be read, a message for each."""
+        return _plugins(self.group)[1]
+
+
+def _plugins(group: str) -> tuple[list[EntryPoint], list[str]]:
+    """The entry points of a group that can be read, and what keeps others from it."""
+    try:
+        return list(entry_points(group=group)), []
+    except Exception:  # one package's are malformed: those of all others are good
+        found: list[EntryPoint] = []
+        troubles = []
+        for package in distributions():
+            try:
+                found += [entry for entry in package.entry_points if entry.group == group]
+            except Exception as error:
+                reason = f"{type(error).__name__}: {error}"
+                troubles.append(f"The entry points of {package.name!r} cannot be read: {reason}.")
+        return found, troubles
 
 
 def _origin(entry: EntryPoint) -> str:
