@@ -166,6 +166,8 @@ def plugin(tmp_path: Path) -> Path:
 def test_another_package_registers_a_world_and_a_learner(
     plugin: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    for module in [name for name in sys.modules if name.partition(".")[0] == "grazing"]:
+        monkeypatch.delitem(sys.modules, module)  # another test's package of the same name
     monkeypatch.syspath_prepend(str(plugin))
     assert {"sharing", "meadow"} <= set(WORLDS.names())
     assert {"qlearning", "herder"} <= set(LEARNERS.names())
