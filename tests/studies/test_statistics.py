@@ -655,4 +655,4 @@ def test_what_is_far_from_its_margin_is_decided():
     found = simulations()
     assert found.power("normal", 20, 2.0, studies=50, seed=0) > 0.8
     assert found.power("lognormal, sigma 1", 20, 5.0, studies=50, seed=0) > 0.9
-    assert found.power("normal", 5, 10.0, studies=50, seed=0) > 0.5
+    assert found.power("normal", 8, 10.0, studies=50, seed=0) > 0.9  # of five trials 0.43 is left
