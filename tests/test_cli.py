@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from ethogram.cli import main
 from ethogram.core import memory
 from ethogram.core.registry import Registry
 
@@ -21,18 +20,6 @@ def alone_with_the_toy(monkeypatch, tmp_path):
     studies = Registry("study", "ethogram.studies", {"toy": "tests.campaign.toy"})
     monkeypatch.setattr("ethogram.studies.STUDIES", studies)
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def ethogram(capsys):
-    """Runs a command; gives its exit code, its output and its messages."""
-
-    def run(*arguments):
-        code = main(arguments)
-        out, said = capsys.readouterr()
-        return code, out, said
-
-    return run
 
 
 def test_help_loads_nothing_slow_and_the_program_nothing_before_it_listens_to_signals():

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from ethogram.cli import main
 from ethogram.core.registry import Registry
 
 PUBLISHED = Path(__file__).parent.parent / "docs" / "results"
@@ -16,18 +15,6 @@ RUN = ("run", "toy", "--plan", "smoke", "--engine", "inline")
 @pytest.fixture(autouse=True)
 def empty_folder(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def ethogram(capsys):
-    """Runs a command; gives its exit code, its output and its messages."""
-
-    def run(*arguments):
-        code = main(arguments)
-        out, said = capsys.readouterr()
-        return code, out, said
-
-    return run
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from tests.campaign.processes import run_toy
 
-from ethogram.cli import main
 from ethogram.core.registry import Registry
 from ethogram.studies import trouble_with
 
@@ -20,18 +19,6 @@ def alone_with_the_toy(monkeypatch, tmp_path):
     studies = Registry("study", "ethogram.studies", ours, trouble_with)
     monkeypatch.setattr("ethogram.studies.STUDIES", studies)
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def ethogram(capsys):
-    """Runs a command; gives its exit code, its output and its messages."""
-
-    def run(*arguments):
-        code = main(arguments)
-        out, said = capsys.readouterr()
-        return code, out, said
-
-    return run
 
 
 @pytest.fixture(scope="session")
