@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ethogram.campaign.trees import canonical
+from ethogram.campaign.settings_json import canonical
 
 Content = Callable[[Path], None]
 NEST = 900  # levels: few enough for Python, too many for whatever walks a tree

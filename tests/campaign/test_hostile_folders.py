@@ -17,7 +17,7 @@ from tests.campaign.processes import run_toy
 
 from ethogram.campaign import results
 from ethogram.campaign.files import StorageError, Unreadable
-from ethogram.campaign.sealed import Damaged
+from ethogram.campaign.manifests import Damaged
 from ethogram.campaign.store import Store
 from ethogram.cli import main
 from ethogram.core.errors import EthogramError

@@ -11,11 +11,11 @@ from tests.campaign.toy import Settings, Walk
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
-from ethogram.campaign.trees import flatten, from_tree, to_tree
+from ethogram.campaign.settings_json import flatten, from_json, to_json
 from ethogram.core.errors import EthogramError, InvalidSettings
 
 SMOKE = toy.PLANS["smoke"]
-KEYS = [key for key, _ in flatten(to_tree(Settings()))]
+KEYS = [key for key, _ in flatten(to_json(Settings()))]
 
 
 def complaint(*assignments):
@@ -176,7 +176,7 @@ def test_whatever_is_typed_gives_points_or_one_clear_error(typed):
 
 @given(st.builds(Settings, seed=st.integers(0, 2**32 - 1), label=st.text(), walk=st.builds(Walk)))
 def test_settings_come_back_from_their_tree(point):
-    assert from_tree(Settings, to_tree(point)) == point
+    assert from_json(Settings, to_json(point)) == point
 
 
 def test_the_identity_of_a_case_covers_all_that_its_numbers_depend_on():

@@ -18,9 +18,9 @@ from tests.campaign.processes import Recorder, run_toy
 from ethogram.campaign import files
 from ethogram.campaign.arrays import pack, unpack
 from ethogram.campaign.checkpoints import Checkpoints
+from ethogram.campaign.manifests import Damaged, Failure, seal, unseal
 from ethogram.campaign.results import digest
 from ethogram.campaign.run import Job, run_case
-from ethogram.campaign.sealed import Damaged, Failure, seal, unseal
 from ethogram.campaign.store import Store
 from ethogram.core.errors import EthogramError
 

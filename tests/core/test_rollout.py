@@ -47,7 +47,7 @@ def test_an_ended_episode_is_followed_by_a_fresh_one_and_keeps_its_final_observa
     np.testing.assert_array_equal(played.observation["agent"][:, 0], [0, 1, 2, 0, 1, 2, 0])
     reached = played.outcome.observation["agent"][:, 0]
     np.testing.assert_array_equal(reached, [1, 2, 3, 1, 2, 3, 1])
-    np.testing.assert_array_equal(played.last, [0, 0, 1, 0, 0, 1, 0])
+    np.testing.assert_array_equal(played.episode_end, [0, 0, 1, 0, 0, 1, 0])
     np.testing.assert_array_equal(played.outcome.reward["agent"][:, 0], [0, 1, 0, 0, 1, 0, 0])
 
 

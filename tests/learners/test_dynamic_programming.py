@@ -175,7 +175,7 @@ def test_a_decision_process_ends_in_a_terminal_state_or_at_its_time_limit():
     assert not (terminated & truncated).any()
     assert truncated.any()
     assert terminated.any()
-    starts = steps.observation["agent"][1:, 0][steps.last[:-1]]
+    starts = steps.observation["agent"][1:, 0][steps.episode_end[:-1]]
     assert set(np.asarray(starts).tolist()) == {0, 1, 2}
     np.testing.assert_array_equal(steps.outcome.reward["agent"], terminated.astype(float))
 

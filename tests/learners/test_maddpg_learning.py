@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.learners.toys import Duet, Listener
 
-from ethogram.core.trees import from_arrays, to_arrays
+from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.learners.maddpg import MADDPG, Playing
 from ethogram.learners.train import Diverged, train
 

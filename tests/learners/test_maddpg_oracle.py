@@ -135,9 +135,9 @@ class History:
         parts = jax.tree.map(np.asarray, (*parts, outcome.observation))
         before = self.played or jax.tree.map(lambda array: array[:0], parts)
         self.played = jax.tree.map(lambda old, new: np.concatenate([old, new]), before, parts)
-        for number in range(self.added, self.added + len(played.last)):
+        for number in range(self.added, self.added + len(played.episode_end)):
             self.place[number % len(self.place)] = number
-        self.added += len(played.last)
+        self.added += len(played.episode_end)
 
     def draw(self, key, count):
         """The parts of some transitions, drawn with the random numbers that the memory uses."""

@@ -136,7 +136,7 @@ def test_a_policy_acts_by_the_tables_of_its_trial():
     learned = eqx.tree_at(lambda state: state.table["agent"], learned, table.reshape(-1, 2))
     for trial in (0, 1):
         _, played = rollout(world, learner.policy(learned, trial), jax.random.key(0), 20)
-        assert (played.state.preference == trial + 1).all()
+        assert (played.next_state.preference == trial + 1).all()
 
 
 def test_tables_that_do_not_fit_are_refused_with_the_size_they_need():

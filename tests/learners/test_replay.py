@@ -105,13 +105,13 @@ def test_a_transition_rebuilt_from_memory_is_the_one_that_was_played():
         }
 
     _, played = eqx.filter_jit(rollout)(world, at_random, jax.random.key(3), steps)
-    kept = (played.before, played.action, played.key)
+    kept = (played.state, played.action, played.key)
     layout = Layout(jax.tree.map(lambda array: array[0], kept))
     replay = Replay.empty(layout, steps).add(layout.pack(kept))
     before, action, chance = layout.unpack(replay.rows)
     state, outcome = eqx.filter_jit(jax.vmap(world.step))(chance, before, action)
     found = (jax.vmap(world.observe)(before), state, outcome)
-    expected = (played.observation, played.state, played.outcome)
+    expected = (played.observation, played.next_state, played.outcome)
     jax.tree.map(
         lambda one, other: np.testing.assert_allclose(one, other, rtol=1e-6), found, expected
     )

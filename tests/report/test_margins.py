@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim, Revision
+from ethogram.report.formatting import note, shared_history, stated
 from ethogram.report.margins import claimed, line
-from ethogram.report.wording import note, shared_history, stated
 
 CLAIM = Claim(
     number=4, statement="", test="", effect=-0.018, low=-0.026, high=-0.010, unit="return",

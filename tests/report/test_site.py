@@ -11,7 +11,7 @@ from tests.report.player import WIDTH, crossing
 
 from ethogram.core.errors import EthogramError
 from ethogram.report import Replay, StudyPage, write
-from ethogram.report.pictures import MARGIN
+from ethogram.report.render.frames import MARGIN
 from ethogram.report.site import replay_page, slug
 
 

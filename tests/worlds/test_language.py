@@ -154,9 +154,9 @@ def test_an_episode_is_exactly_25_moves_and_25_rewards_and_ends_by_the_clock():
         return act(world, [UP, DOWN], [A, A])
 
     _, played = rollout(world, policy, KEY, 60)
-    np.testing.assert_array_equal(np.flatnonzero(played.last), [24, 49])
+    np.testing.assert_array_equal(np.flatnonzero(played.episode_end), [24, 49])
     for role in world.roles:
-        np.testing.assert_array_equal(played.outcome.truncated[role].all(1), played.last)
+        np.testing.assert_array_equal(played.outcome.truncated[role].all(1), played.episode_end)
         assert not played.outcome.terminated[role].any()
 
 

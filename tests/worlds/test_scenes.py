@@ -166,17 +166,17 @@ def test_a_world_that_draws_no_scenes_says_so():
 def test_a_game_is_shown_from_its_start(episodes):
     world, trajectory = episodes("language")
     robots = world.scene(trajectory).position[:, world.targets :]
-    np.testing.assert_array_equal(robots[0], trajectory.before.position[0])
-    np.testing.assert_array_equal(robots[1:], trajectory.state.position)
+    np.testing.assert_array_equal(robots[0], trajectory.state.position[0])
+    np.testing.assert_array_equal(robots[1:], trajectory.next_state.position)
 
 
 def test_the_scene_of_whole_years_is_that_which_the_study_records(episodes):
     world, trajectory = episodes("publishing")
     per_year = world.steps_per_year
-    seen = jax.vmap(glimpse)(trajectory.outcome, trajectory.state)
+    seen = jax.vmap(glimpse)(trajectory.outcome, trajectory.next_state)
     years = jax.tree.map(lambda part: part.reshape(-1, per_year, part.shape[-1]), seen)
-    quality = np.asarray(trajectory.state.quality[0])
-    known = np.asarray(trajectory.before.impact[::per_year])
+    quality = np.asarray(trajectory.next_state.quality[0])
+    known = np.asarray(trajectory.state.impact[::per_year])
     recorded = record("5 authors, 3 journals", quality, known, years)
     assert recorded.to_dataset().identical(world.scene(trajectory).to_dataset())
     later = world.scene(some(trajectory, slice(4, None)))
@@ -188,9 +188,9 @@ def test_a_system_in_which_somebody_learns_is_shown_as_any_other(episodes):
     world = Learnable(system, Scrutiny(0.25), ranking=Ranking(bins=3))
     level = jnp.zeros((STEPS, system.authors), int)
     states = tuple(
-        jax.vmap(Learning)(part, level) for part in (trajectory.before, trajectory.state)
+        jax.vmap(Learning)(part, level) for part in (trajectory.state, trajectory.next_state)
     )
-    learned = eqx.tree_at(lambda step: (step.before, step.state), trajectory, states)
+    learned = eqx.tree_at(lambda step: (step.state, step.next_state), trajectory, states)
     # a rollout of it would hold what a scene needs in the same places
     like = eqx.filter_eval_shape(rollout, world, at_random(world), jax.random.key(0), STEPS)[1]
     for needed, held in (
@@ -204,9 +204,12 @@ def test_a_system_in_which_somebody_learns_is_shown_as_any_other(episodes):
 def test_a_robot_that_breaks_is_shown_as_long_as_it_is_whole(episodes):
     world, trajectory = episodes("softbody3d")
     broken = eqx.tree_at(
-        lambda step: (step.state.position, step.state.broken),
+        lambda step: (step.next_state.position, step.next_state.broken),
         trajectory,
-        (trajectory.state.position.at[-1].set(jnp.nan), trajectory.state.broken.at[-1].set(True)),
+        (
+            trajectory.next_state.position.at[-1].set(jnp.nan),
+            trajectory.next_state.broken.at[-1].set(True),
+        ),
     )
     scene, whole = world.scene(broken), world.scene(trajectory)
     assert len(scene.position) == STEPS

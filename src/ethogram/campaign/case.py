@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
-from ethogram.campaign.trees import canonical, from_tree, to_tree
+from ethogram.campaign.settings_json import canonical, from_json, to_json
 
 S = TypeVar("S")
 
@@ -27,11 +27,11 @@ class Case:
     @classmethod
     def of(cls, *, study: str, version: str, name: str, settings: Any) -> "Case":
         """The case of a settings object, a pydantic dataclass."""
-        return cls(study, version, name, to_tree(settings))
+        return cls(study, version, name, to_json(settings))
 
     def parsed(self, kind: type[S]) -> S:
         """The settings as an object again."""
-        return from_tree(kind, self.settings)
+        return from_json(kind, self.settings)
 
     @cached_property
     def id(self) -> str:

@@ -10,7 +10,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 
 from ethogram.campaign import files
-from ethogram.campaign.sealed import Damaged, sha256
+from ethogram.campaign.manifests import Damaged, sha256
 
 Arrays = dict[str, NDArray[Any]]
 

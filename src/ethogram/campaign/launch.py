@@ -10,13 +10,13 @@ from typing import Any, Protocol
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.engines import Engine, inline
 from ethogram.campaign.files import StorageError, require_folder
+from ethogram.campaign.manifests import PlannedRun
 from ethogram.campaign.plan import Plan
 from ethogram.campaign.provenance import now, package_of
 from ethogram.campaign.run import Job, Receipt, shortfall
-from ethogram.campaign.sealed import PlannedRun
+from ethogram.campaign.settings_json import to_json
 from ethogram.campaign.store import State, Store
 from ethogram.campaign.study import Study, blamed
-from ethogram.campaign.trees import to_tree
 from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.memory import available_cores, available_memory
 
@@ -178,7 +178,7 @@ def _planned_run(study: Study, plan: Plan[Any], prospects: Sequence[Prospect]) -
         plan=plan.name,
         description=plan.description,
         overrides=plan.overrides,
-        settings=to_tree(plan.settings),
+        settings=to_json(plan.settings),
         grid=plan.axes,
         cases=tuple((prospect.case.name, prospect.case.id) for prospect in prospects),
         command=shlex.join(["ethogram", "run", study.NAME, "--plan", plan.name, *changes]),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Generic, TypeVar
 
-from ethogram.campaign.trees import (
+from ethogram.campaign.settings_json import (
     Complaints,
     Tree,
     assign,
@@ -16,7 +16,7 @@ from ethogram.campaign.trees import (
     flatten,
     nearest,
     report,
-    to_tree,
+    to_json,
 )
 from ethogram.core.errors import InvalidSettings, shown
 
@@ -50,7 +50,7 @@ class Plan(Generic[S]):
     def points(self) -> list[S]:
         """The settings of every combination of the axes, the last axis varying fastest."""
         complaints: Complaints = {}
-        points = _points(type(self.settings), to_tree(self.settings), self._grids, complaints)
+        points = _points(type(self.settings), to_json(self.settings), self._grids, complaints)
         if complaints:
             raise InvalidSettings(report(complaints))
         return points
@@ -78,7 +78,7 @@ class Plan(Generic[S]):
         assignments = tuple(assignments)
         complaints: Complaints = {}
         texts = _texts(assignments, complaints)
-        tree, grids = to_tree(self.settings), [dict(grid) for grid in self._grids]
+        tree, grids = to_json(self.settings), [dict(grid) for grid in self._grids]
         known, axes = dict(flatten(tree)), list(self.axes)
         for key, text in texts.items():
             if key in axes and _values(text):
@@ -117,7 +117,7 @@ def _points(kind: type[S], tree: Tree, grids: Iterable[Grid], complaints: Compla
                 assign(point_tree, key, value)
             point = checked(kind, point_tree, complaints)
             if point is not None:
-                points.setdefault(canonical(to_tree(point)), point)
+                points.setdefault(canonical(to_json(point)), point)
     return list(points.values())
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from ethogram.campaign import files
 from ethogram.campaign.arrays import Record
-from ethogram.campaign.sealed import Damaged, Manifest, PlannedRun, Unusable, sha256
+from ethogram.campaign.manifests import Damaged, Manifest, PlannedRun, Unusable, sha256
+from ethogram.campaign.settings_json import canonical
 from ethogram.campaign.store import MANIFESTS, PLAN, Store
-from ethogram.campaign.trees import canonical
 from ethogram.core.errors import EthogramError, shown
 
 RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."

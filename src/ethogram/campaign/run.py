@@ -10,8 +10,8 @@ from typing import Literal
 from ethogram.campaign.case import Case
 from ethogram.campaign.context import Context
 from ethogram.campaign.files import StorageError
+from ethogram.campaign.manifests import Failure, OtherFormat, Unusable
 from ethogram.campaign.provenance import module_of, now
-from ethogram.campaign.sealed import Failure, OtherFormat, Unusable
 from ethogram.campaign.store import Store
 from ethogram.campaign.study import Study
 from ethogram.campaign.untrusted import printable

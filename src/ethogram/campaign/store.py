@@ -14,7 +14,7 @@ from ethogram.campaign import arrays, files
 from ethogram.campaign.arrays import Record, Unfitting
 from ethogram.campaign.case import Case
 from ethogram.campaign.checkpoints import Checkpoints
-from ethogram.campaign.sealed import (
+from ethogram.campaign.manifests import (
     Damaged,
     Failure,
     Manifest,

@@ -210,9 +210,9 @@ def replay(
 ) -> int:
     """Show the recorded scene of a case, as a page that needs no network or as a film."""
     from ethogram.campaign.files import refuse_link
-    from ethogram.campaign.sealed import Damaged
+    from ethogram.campaign.manifests import Damaged
     from ethogram.report import page_bytes, write_replay
-    from ethogram.report.film import write_film
+    from ethogram.report.render.video import write_film
     from ethogram.report.site import slug
 
     suffix = out.suffix.lower().removeprefix(".") if out else ""

@@ -104,14 +104,14 @@ def first_episode(trajectory: Transition) -> Transition:
         EthogramError: the trajectory is a batch of them or a single step, or has no steps.
 
     """
-    axes = trajectory.last.shape
+    axes = trajectory.episode_end.shape
     if len(axes) != 1 or not axes[0]:
         raise EthogramError(
             "A scene shows one trajectory, whose arrays have its steps as their first axis; here "
             f"the leading axes are {axes}. Of a batch take one: "
             "jax.tree.map(lambda part: part[0], trajectory)."
         )
-    ended = np.flatnonzero(trajectory.last)
+    ended = np.flatnonzero(trajectory.episode_end)
     steps = int(ended[0]) + 1 if ended.size else axes[0]
     return jax.tree.map(lambda part: part[:steps], trajectory)
 

@@ -51,18 +51,18 @@ class Outcome(eqx.Module):
 class Transition(eqx.Module):
     """A step of a rollout; in a trajectory every array has the steps as its leading axis.
 
-    `world.step(key, before, action)` gives `state` and `outcome` again.  `outcome.observation` is
-    that of the state reached; where an episode ended there, it is its final observation, while
-    the next transition's `observation` is that of the new episode.
+    `world.step(key, state, action)` gives `next_state` and `outcome` again.
+    `outcome.observation` is that of the state reached; where an episode ended there, it is its
+    final observation, while the next transition's `observation` is that of the new episode.
     """
 
     key: Key[Array, "..."]  # the world's chance
-    before: Any  # the state left
+    state: Any  # the state left
     observation: PerRole
     action: PerRole
     outcome: Outcome
-    state: Any  # the state reached
-    last: Bool[Array, ""]  # whether the episode ended with this step
+    next_state: Any  # the state reached
+    episode_end: Bool[Array, ""]  # whether the episode ended with this step
 
 
 class World(Module):

@@ -244,7 +244,7 @@ class MADDPG(Module):
         act = self.policy(learned)
         keys = jax.random.split(key, self.episodes)
         _, played = jax.vmap(lambda key: rollout(self.world, act, key, self.world.horizon))(keys)
-        rows = self._layout.pack((played.before, played.action, played.key))
+        rows = self._layout.pack((played.state, played.action, played.key))
         replay = learned.replay.add(rows.reshape(-1, rows.shape[-1]))
         earned = {role: reward.sum(1) for role, reward in played.outcome.reward.items()}
         return Learned(learned.agents, replay, learned.rounds), {"reward": earned}

@@ -4,7 +4,7 @@
 its tables and figures.  Nothing here computes or reads records: the caller brings `StudyPage`s.
 """
 
-from ethogram.report.comparison import Comparison, compare_pages
+from ethogram.report.compare.comparison import Comparison, compare_pages
 from ethogram.report.page import StudyPage
 from ethogram.report.replay import Replay
 from ethogram.report.site import page_bytes, write, write_comparison, write_replay

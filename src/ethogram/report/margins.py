@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from markupsafe import Markup, escape
 
 from ethogram.core.findings import Claim
-from ethogram.report import wording
+from ethogram.report import formatting
 
 WIDTH, HEIGHT = 240, 46  # of a line, in its own units
 EDGE = 10  # left and right of what is drawn
@@ -94,9 +94,9 @@ def _label(at: float, words: str) -> str:
 
 
 def _words(claim: Claim) -> str:
-    amount, span = wording.effect(claim)
+    amount, span = formatting.effect(claim)
     return f"Claimed: {claimed(claim)}. Effect: {amount} {span}".rstrip() + "."
 
 
 def _amount(value: float) -> str:
-    return wording.number(value, wording.decimals_for([value], digits=2)) if value else "0"
+    return formatting.number(value, formatting.decimals_for([value], digits=2)) if value else "0"

@@ -14,11 +14,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ethogram.core.errors import EthogramError
-from ethogram.report import drawings, margins, tables, wording
-from ethogram.report.comparison import Comparison
+from ethogram.report import formatting, margins, svg, tables
+from ethogram.report.compare.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
-from ethogram.report.pictures import still
+from ethogram.report.render.frames import still
 from ethogram.report.replay import Replay, packed
 
 INDEX = "index.html"
@@ -68,13 +68,13 @@ def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
     data = f"{PAGES}/{slug(page.name)}"
     picture = _opening(page)
     if picture:
-        alone = drawings.alone(picture["svg"], name=OPENING, alt=picture["caption"])
+        alone = svg.alone(picture["svg"], name=OPENING, alt=picture["caption"])
         yield f"{data}/{OPENING}.svg", alone
     for table in page.tables:
         yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
     for figure in page.figures:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
-        alone = drawings.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        alone = svg.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
         yield f"{data}/{slug(figure.name)}.svg", alone
     shared = {"page": page, "data": slug(page.name), "root": "../", "picture": picture}
     yield f"{data}.md", _render("study.md", **shared)
@@ -188,9 +188,9 @@ def _refuse_twins(what: str, names: Sequence[str]) -> None:
         raise EthogramError(f"Two {what} have the name {', '.join(map(repr, twins))}.")
 
 
-def _inlined(svg: str, name: str, alt: str) -> Markup:
+def _inlined(drawing: str, name: str, alt: str) -> Markup:
     """The one text that goes onto a page as markup: a drawing, parsed and written anew."""
-    return Markup(drawings.inlined(svg, name=slug(name), alt=alt))
+    return Markup(svg.inlined(drawing, name=slug(name), alt=alt))
 
 
 @cache
@@ -206,21 +206,21 @@ def _environment() -> Environment:
         "mark": Markup(MARK),
         "lay_out": tables.lay_out,
         "inlined": _inlined,
-        "effect": wording.effect,
+        "effect": formatting.effect,
         "claimed": margins.claimed,
         "margin_line": margins.line,
-        "note": wording.note,
-        "shared_history": wording.shared_history,
-        "stated": wording.stated,
-        "dotted": wording.dotted,
+        "note": formatting.note,
+        "shared_history": formatting.shared_history,
+        "stated": formatting.stated,
+        "dotted": formatting.dotted,
         "pages_folder": PAGES,
     }
     environment.filters |= {
         "slug": slug,
-        "duration": wording.duration,
+        "duration": formatting.duration,
         "markdown": markdown,
         "code": code,
-        "p_value": wording.p_value,
+        "p_value": formatting.p_value,
     }
     return environment
 

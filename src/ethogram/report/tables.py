@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ethogram.core.findings import Cell, Measured, Table
-from ethogram.report import wording
+from ethogram.report import formatting
 
 Kind = Literal["head", "text", "number"]
 Side = Literal["", "above", "below"]
@@ -128,14 +128,14 @@ def _columns(table: Table, *, comparable: bool) -> Iterator[Column]:
     for index, (name, cells) in enumerate(zip(table.columns, by_column, strict=True)):
         measured = [cell for cell in cells if isinstance(cell, Measured)]
         published = [cell.published for cell in measured if cell.published is not None]
-        printed = max(map(wording.decimals_printed, published), default=0)
+        printed = max(map(formatting.decimals_printed, published), default=0)
         yield Column(
             name=name,
             kind="head" if index < heads else "text" if texts[index] else "number",
             decimals=(
                 _telling(measured if comparable else [], printed)
                 if published
-                else wording.decimals_for(_values(cells))
+                else formatting.decimals_for(_values(cells))
             ),
             compared=bool(published),
             printed=printed,
@@ -177,7 +177,7 @@ def _values(cells: Sequence[Cell]) -> Iterator[float]:
 def _plain(column: Column, cell: Cell) -> tuple[Shown, ...]:
     if isinstance(cell, Measured):
         span = _span(cell, column.decimals)
-        text = wording.number(cell.value, column.decimals)
+        text = formatting.number(cell.value, column.decimals)
         return (Shown(text=text, kind=column.kind, interval=span),)
     return (Shown(text=_worded(cell, column.decimals), kind=column.kind),)
 
@@ -185,9 +185,9 @@ def _plain(column: Column, cell: Cell) -> tuple[Shown, ...]:
 def _span(cell: Measured, decimals: int) -> str:
     """An interval in brackets, or "(1 to 3)", the range of trials that are too few for one."""
     if cell.bounds == "range" and cell.low is not None and cell.high is not None:
-        low, high = (wording.number(bound, decimals) for bound in (cell.low, cell.high))
+        low, high = (formatting.number(bound, decimals) for bound in (cell.low, cell.high))
         return f"({low} {TO} {high})"
-    return wording.interval(cell.low, cell.high, decimals)
+    return formatting.interval(cell.low, cell.high, decimals)
 
 
 def _compared(column: Column, cell: Cell, comparable: bool) -> tuple[Shown, ...]:
@@ -197,10 +197,10 @@ def _compared(column: Column, cell: Cell, comparable: bool) -> tuple[Shown, ...]
     if not isinstance(cell, Measured) or published is None:
         nothing = Shown(text="", kind=column.kind)
         return measured, nothing, nothing
-    difference = wording.number(cell.value - published, column.decimals, signed=True)
+    difference = formatting.number(cell.value - published, column.decimals, signed=True)
     return (
         measured,
-        Shown(text=wording.number(published, column.printed), kind=column.kind),
+        Shown(text=formatting.number(published, column.printed), kind=column.kind),
         Shown(
             text=difference,
             kind=column.kind,
@@ -227,4 +227,4 @@ def _worded(cell: str | int | float | None, decimals: int) -> str:
         return "yes" if cell else "no"
     if isinstance(cell, str):
         return cell
-    return wording.number(cell, decimals if isinstance(cell, float) else 0)
+    return formatting.number(cell, decimals if isinstance(cell, float) else 0)

@@ -17,8 +17,8 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.specs import role_specs
-from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.joint import joint_count, network_sizes
 from ethogram.learners.maddpg import MADDPG, Learned, Playing
 from ethogram.learners.train import Diverged, train

@@ -83,9 +83,9 @@ def watch(learner: MADDPG, learned: Learned, key: Key[Array, ""], episodes: int)
         **returns,
         discounted=overall_discounted(normal, learner.discount),
         meaning=meaning(learner, learned),
-        influence=influence(learner, learned, normal.before),
-        start=jax.tree.map(lambda part: part[0, 0], normal.before),
-        states=jax.tree.map(lambda part: part[0], normal.state),
+        influence=influence(learner, learned, normal.state),
+        start=jax.tree.map(lambda part: part[0, 0], normal.state),
+        states=jax.tree.map(lambda part: part[0], normal.next_state),
     )
 
 
@@ -99,7 +99,7 @@ def overall_discounted(played: Transition, discount: Number) -> Float[Array, "ep
 
     Every robot counts twice, once for its mover and once for the talker that guides it.
     """
-    start = jax.tree.map(lambda part: part[:, 0], played.before)
+    start = jax.tree.map(lambda part: part[:, 0], played.state)
     first = -2.0 * jax.vmap(distances)(start).sum(-1)
     return discounted(jnp.concatenate([first[:, None], overall(played)], 1).T, discount)
 

@@ -16,9 +16,9 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.rollout import Policy
 from ethogram.core.scene import RECORDED, Scene
-from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.core.world import PerRole, World
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Grid, Plan
-from ethogram.campaign.trees import flatten, to_tree
+from ethogram.campaign.settings_json import flatten, to_json
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import settings_class, settings_of
@@ -143,7 +143,7 @@ PLANS = {
 def condition_of(settings: Settings) -> Condition:
     """The cell of the campaign that settings belong to."""
     world = settings.world
-    flat, default = (dict(flatten(to_tree(each))) for each in (settings, Settings()))
+    flat, default = (dict(flatten(to_json(each))) for each in (settings, Settings()))
     return Condition(
         settings.author,
         settings.editor,

@@ -15,8 +15,8 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
 from ethogram.learners.evolution.age_fitness import generation_bytes
 from ethogram.learners.train import train

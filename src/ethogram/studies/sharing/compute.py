@@ -14,8 +14,8 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.core.trees import from_arrays, to_arrays
 from ethogram.learners.qlearning import Learned, QLearning
 from ethogram.learners.train import train
 from ethogram.studies.sharing.plan import Settings, learner_of

@@ -63,7 +63,7 @@ def watch(
         total, first = so_far
         played = jax.vmap(play)(jnp.arange(learner.trials), fold_in(keys, number))
         seen = jax.vmap(lambda one: summarise(one, world))(played)
-        episode = Episode(played.state, played.outcome.reward["agent"])
+        episode = Episode(played.next_state, played.outcome.reward["agent"])
         first = jax.tree.map(lambda new, old: jnp.where(number == 0, new, old), episode, first)
         return (jax.tree.map(jnp.add, total, seen), first), episode.reward.sum(1)
 
@@ -75,7 +75,7 @@ def watch(
 
 def summarise(played: Transition, world: Sharing) -> Seen:
     """Reduce an episode (steps leading) to what is kept of it."""
-    state: State = played.state
+    state: State = played.next_state
     before = jnp.pad(state.preference[:-1], ((1, 0), (0, 0)))
     act = 2 * (state.preference != before) + state.spoke
     even = world.agents / world.resources

@@ -112,9 +112,9 @@ class Learnable(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """That of the system; ambition and selectivity show in what is submitted and accepted."""
-        systems = trajectory.before.system, trajectory.state.system
+        systems = trajectory.state.system, trajectory.next_state.system
         return self.system.scene(
-            eqx.tree_at(lambda step: (step.before, step.state), trajectory, systems)
+            eqx.tree_at(lambda step: (step.state, step.next_state), trajectory, systems)
         )
 
     def _apply(self, key: Key[Array, ""], level: Int[Array, "agent"], seen: Any) -> Array:

@@ -242,10 +242,10 @@ class Publishing(World):
         episode = first_episode(trajectory)
         return record_steps(
             f"{self.authors} authors, {self.journals} journals",
-            np.asarray(episode.state.quality[0]),
-            np.asarray(episode.before.impact),
-            jax.vmap(glimpse)(episode.outcome, episode.state),
-            np.asarray(episode.before.time),
+            np.asarray(episode.next_state.quality[0]),
+            np.asarray(episode.state.impact),
+            jax.vmap(glimpse)(episode.outcome, episode.next_state),
+            np.asarray(episode.state.time),
             self.steps_per_year,
         )
 

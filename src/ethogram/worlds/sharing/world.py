@@ -139,7 +139,7 @@ class Sharing(World):
         """The states that the first episode reached, one per step."""
         episode = first_episode(trajectory)
         reward = np.asarray(episode.outcome.reward["agent"])
-        return record(episode.state, reward, self.resources, title="Sharing: one episode")
+        return record(episode.next_state, reward, self.resources, title="Sharing: one episode")
 
     def _earn(self, state: State, counted: Census) -> Float[Array, "agent"]:
         pays = reward_of_filling(

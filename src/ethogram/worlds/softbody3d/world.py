@@ -147,7 +147,7 @@ class SoftBody3D(World):
     def scene(self, trajectory: Transition) -> Scene:
         """The first episode: its start, and states evenly spread over it (see `scene.shown`)."""
         episode = first_episode(trajectory)
-        frames, apart = shown(episode.before, episode.state)
+        frames, apart = shown(episode.state, episode.next_state)
         return record(
             f"Soft robot: {self.body}",
             frames,

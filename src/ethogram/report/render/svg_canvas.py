@@ -1,4 +1,4 @@
-"""Drawing as SVG: the same as `ethogram.report.pen`, for pictures that take the page's ink."""
+"""A canvas of SVG: as `ethogram.report.render.canvas`, for pictures that take the page's ink."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import escape
 
-from ethogram.report.pen import FURTHEST, INK, MUTED, PAPER, RULE, Point, plain
+from ethogram.report.render.canvas import FURTHEST, INK, MUTED, PAPER, RULE, Point, plain
 
 OUTLINE = 0.7  # pixels, around what is filled
 INKS = {  # how colours of the page are told: by the text's, and by the system's for paper
@@ -17,7 +17,7 @@ INKS = {  # how colours of the page are told: by the text's, and by the system's
 }
 
 
-class VectorPen:
+class SvgCanvas:
     """A sheet of paper, and the elements on it from the back to the front."""
 
     def __init__(self, width: int, height: int) -> None:
@@ -32,8 +32,8 @@ class VectorPen:
             f'font-family="sans-serif" stroke-linejoin="round">{"".join(self._drawn)}</svg>'
         )
 
-    def paste(self, other: "VectorPen", place: tuple[int, int]) -> None:
-        """Put what another pen drew, within its edges, where its left upper corner is to be."""
+    def paste(self, other: "SvgCanvas", place: tuple[int, int]) -> None:
+        """Put what another canvas drew, within its edges, where its left upper corner is to be."""
         x, y = place
         size = f'width="{other.width}" height="{other.height}"'
         self._drawn += [f'<svg x="{x}" y="{y}" {size}>', *other._drawn, "</svg>"]

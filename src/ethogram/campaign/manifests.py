@@ -13,7 +13,7 @@ from ethogram.campaign.arrays import Layout
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Scalar
 from ethogram.campaign.provenance import machine, versions
-from ethogram.campaign.trees import Tree, assign, canonical
+from ethogram.campaign.settings_json import Tree, assign, canonical
 from ethogram.campaign.untrusted import Hash, Key, Line, Seconds, parsed, printable
 from ethogram.core.errors import EthogramError
 

@@ -7,8 +7,8 @@ from itertools import islice, takewhile
 from typing import NamedTuple
 
 from ethogram.core.findings import Cell, Measured, Table
-from ethogram.report import wording
-from ethogram.report.pairing import Held, held, paired
+from ethogram.report import formatting
+from ethogram.report.compare.align import Held, held, paired
 from ethogram.report.tables import Column, Kind, Layout, Shown, Side, lay_out
 
 
@@ -226,7 +226,7 @@ def _difference(a: Cell, b: Cell, decimals: int) -> str:
     if one is None or other is None:
         return ""
     difference = 0.0 if one == other else other - one  # two infinities differ by nothing
-    return "" if math.isnan(difference) else wording.number(difference, decimals, signed=True)
+    return "" if math.isnan(difference) else formatting.number(difference, decimals, signed=True)
 
 
 def _number(cell: Cell) -> float | None:

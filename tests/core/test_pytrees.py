@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ethogram.core.trees import from_arrays, to_arrays
+from ethogram.core.pytrees import from_arrays, to_arrays
 
 
 def test_a_tree_comes_back_from_its_arrays_with_keys_and_all():

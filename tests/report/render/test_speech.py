@@ -5,7 +5,7 @@ from itertools import combinations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ethogram.report.speech import Speaker, boxes
+from ethogram.report.render.speech import Speaker, boxes
 
 SPEAKERS = st.builds(
     Speaker,

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim
-from ethogram.report import wording
+from ethogram.report import formatting
 
 
 @pytest.mark.parametrize(
@@ -24,32 +24,32 @@ from ethogram.report import wording
     ],
 )
 def test_a_number_reads_as_an_author_would_print_it(value: float, decimals: int, text: str) -> None:
-    assert wording.number(value, decimals) == text
+    assert formatting.number(value, decimals) == text
 
 
 def test_a_signed_number_shows_its_plus_but_zero_has_no_sign() -> None:
-    assert wording.number(0.5, 1, signed=True) == "+0.5"
-    assert wording.number(-0.5, 1, signed=True) == "\u22120.5"
-    assert wording.number(0.01, 1, signed=True) == "0.0"
+    assert formatting.number(0.5, 1, signed=True) == "+0.5"
+    assert formatting.number(-0.5, 1, signed=True) == "\u22120.5"
+    assert formatting.number(0.01, 1, signed=True) == "0.0"
 
 
-@given(st.floats(), st.integers(0, wording.MOST_DECIMALS))
+@given(st.floats(), st.integers(0, formatting.MOST_DECIMALS))
 def test_every_float_can_be_worded(value: float, decimals: int) -> None:
-    assert wording.number(value, decimals)
+    assert formatting.number(value, decimals)
 
 
 def test_decimals_follow_the_typical_size() -> None:
-    assert wording.decimals_for([99.0, 25.4, 0.0]) == 1
-    assert wording.decimals_for([0.0123]) == 4
-    assert wording.decimals_for([4321.0]) == 0
-    assert wording.decimals_for([0.0, math.nan, math.inf]) == 0
+    assert formatting.decimals_for([99.0, 25.4, 0.0]) == 1
+    assert formatting.decimals_for([0.0123]) == 4
+    assert formatting.decimals_for([4321.0]) == 0
+    assert formatting.decimals_for([0.0, math.nan, math.inf]) == 0
 
 
 def test_a_published_number_keeps_the_decimals_it_was_printed_with() -> None:
-    assert wording.decimals_printed(99.0) == 1
-    assert wording.decimals_printed(0.35) == 2
-    assert wording.decimals_printed(3050) == 0
-    assert wording.decimals_printed(1e-5) == 5
+    assert formatting.decimals_printed(99.0) == 1
+    assert formatting.decimals_printed(0.35) == 2
+    assert formatting.decimals_printed(3050) == 0
+    assert formatting.decimals_printed(1e-5) == 5
 
 
 def claim(effect: float | None, low: float | None, high: float | None, unit: str) -> Claim:
@@ -60,26 +60,29 @@ def claim(effect: float | None, low: float | None, high: float | None, unit: str
 
 
 def test_an_effect_has_the_digits_that_its_interval_bears() -> None:
-    assert wording.effect(claim(0.12345, 0.1, 0.14, "reward")) == ("0.123 reward", "[0.100, 0.140]")
-    assert wording.effect(claim(12.345, 2.0, 24.0, "%")) == ("12 %", "[2, 24]")
+    assert formatting.effect(claim(0.12345, 0.1, 0.14, "reward")) == (
+        "0.123 reward",
+        "[0.100, 0.140]",
+    )
+    assert formatting.effect(claim(12.345, 2.0, 24.0, "%")) == ("12 %", "[2, 24]")
 
 
 def test_an_effect_smaller_than_its_interval_does_not_read_as_zero() -> None:
-    assert wording.effect(claim(-0.31, -780.0, 779.6, "")) == ("\u22120.3", "[\u2212780, 780]")
+    assert formatting.effect(claim(-0.31, -780.0, 779.6, "")) == ("\u22120.3", "[\u2212780, 780]")
 
 
 def test_an_effect_may_lack_bounds_or_be_missing() -> None:
-    assert wording.effect(claim(0.5, 0.25, None, "")) == ("0.500", "[0.250, ∞]")
-    assert wording.effect(claim(0.5, None, None, "")) == ("0.500", "")
-    assert wording.effect(claim(0.5, 0.25, math.inf, "")) == ("0.500", "[0.250, ∞]")
-    assert wording.effect(claim(1.0, 1.0, 1.0, "")) == ("1.00", "[1.00, 1.00]")
-    assert wording.effect(claim(None, None, None, "m")) == ("", "")
+    assert formatting.effect(claim(0.5, 0.25, None, "")) == ("0.500", "[0.250, ∞]")
+    assert formatting.effect(claim(0.5, None, None, "")) == ("0.500", "")
+    assert formatting.effect(claim(0.5, 0.25, math.inf, "")) == ("0.500", "[0.250, ∞]")
+    assert formatting.effect(claim(1.0, 1.0, 1.0, "")) == ("1.00", "[1.00, 1.00]")
+    assert formatting.effect(claim(None, None, None, "m")) == ("", "")
 
 
 def test_a_p_value_is_never_zero() -> None:
-    assert wording.p_value(0.0) == "< 0.001"
-    assert wording.p_value(0.0421) == "= 0.042"
-    assert wording.p_value(None) == ""
+    assert formatting.p_value(0.0) == "< 0.001"
+    assert formatting.p_value(0.0421) == "= 0.042"
+    assert formatting.p_value(None) == ""
 
 
 @pytest.mark.parametrize(
@@ -94,12 +97,12 @@ def test_a_p_value_is_never_zero() -> None:
     ],
 )
 def test_a_duration_is_in_the_two_largest_units(seconds: float, text: str) -> None:
-    assert wording.duration(seconds) == text
+    assert formatting.duration(seconds) == text
 
 
 def test_settings_are_listed_under_their_dotted_keys() -> None:
     settings = {"world": {"agents": 10, "fill": {"seen": True}}, "name": "a b", "empty": {}}
-    assert list(wording.dotted(settings)) == [
+    assert list(formatting.dotted(settings)) == [
         ("world.agents", "10"),
         ("world.fill.seen", "true"),
         ("name", "a b"),

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ethogram.core.findings import Claim, Table, Verdict
-from ethogram.report import wording
+from ethogram.report import formatting
+from ethogram.report.compare.align import Held, held, paired
+from ethogram.report.compare.tables import TablePair, compare_tables
 from ethogram.report.page import StudyPage
-from ethogram.report.pairing import Held, held, paired
-from ethogram.report.table_pairs import TablePair, compare_tables
 
 OPEN: frozenset[Verdict] = frozenset(("undecided", "not run"))  # that say neither yes nor no
 
@@ -103,7 +103,7 @@ def compare_pages(a: StudyPage, b: StudyPage) -> StudyPair:
         b=b,
         settings=tuple(
             setting
-            for setting in _texts(wording.dotted(a.settings), wording.dotted(b.settings))
+            for setting in _texts(formatting.dotted(a.settings), formatting.dotted(b.settings))
             if not _same_setting(setting.a, setting.b)
         ),
         versions=tuple(

@@ -26,12 +26,12 @@ def canonical(value: Any) -> bytes:
     return text.encode("ascii")
 
 
-def to_tree(settings: Any) -> Tree:
+def to_json(settings: Any) -> Tree:
     """A settings object as plain JSON, with every default written out."""
     return cast(Tree, TypeAdapter(type(settings)).dump_python(settings, mode="json"))
 
 
-def from_tree(kind: type[S], tree: Mapping[str, Any]) -> S:
+def from_json(kind: type[S], tree: Mapping[str, Any]) -> S:
     """The settings object that a tree describes, or `InvalidSettings` with all that is wrong."""
     complaints: Complaints = {}
     settings = checked(kind, tree, complaints)
@@ -49,7 +49,7 @@ def checked(kind: type[S], tree: Mapping[str, Any], complaints: Complaints) -> S
             key, value = _place(found["loc"], tree)
             complaints.setdefault(key, []).append(_explained(key, value, cast(Tree, found)))
         return None
-    endless = [key for key, leaf in flatten(to_tree(settings)) if _endless(leaf)]
+    endless = [key for key, leaf in flatten(to_json(settings)) if _endless(leaf)]
     for key in endless:
         complaints.setdefault(key, []).append(f"{key}: Input should be a finite number.")
     return None if endless else settings

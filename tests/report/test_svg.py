@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.report.drawings import alone, inlined
+from ethogram.report.svg import alone, inlined
 from ethogram.studies.sensing.bodies_drawn import draw_bodies
 
 LINKED = (

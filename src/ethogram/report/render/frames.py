@@ -15,10 +15,10 @@ from PIL import Image
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene
-from ethogram.report import bodies
-from ethogram.report.pen import INK, MUTED, PAPER, RULE, Pen, colour, fitted, measure
-from ethogram.report.speech import HIGH, Speaker, boxes
-from ethogram.report.vector import VectorPen
+from ethogram.report.render import space3d
+from ethogram.report.render.canvas import INK, MUTED, PAPER, RULE, Canvas, colour, fitted, measure
+from ethogram.report.render.speech import HIGH, Speaker, boxes
+from ethogram.report.render.svg_canvas import SvgCanvas
 
 WIDTH, NARROWEST = 640, 100  # pixels of a picture
 STILL = 480  # of one that a page scales: its letters are to be read on a phone
@@ -33,7 +33,7 @@ EVERY = 70  # between marks on the axis below it, at least
 LINES = ("#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b")  # none is a tint's
 
 
-AnyPen = TypeVar("AnyPen", Pen, VectorPen)
+AnyPen = TypeVar("AnyPen", Canvas, SvgCanvas)
 
 
 def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
@@ -54,11 +54,11 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
         raise EthogramError(f"A picture {width} pixels wide is too narrow: {NARROWEST} or more.")
     width -= width % 2
     room = width - 2 * MARGIN
-    stage = _stage(scene, frame, room, Pen)
+    stage = _stage(scene, frame, room, Canvas)
     legend = _legend(scene, room)
     chart = CHART if any(lines.shape[1] for lines in scene.series.values()) else 0
     height = MARGIN + LINE + stage.height + LINE + 4 + chart + LINE * len(legend) + MARGIN
-    sheet = Pen(width, height + height % 2)
+    sheet = Canvas(width, height + height % 2)
     sheet.text((MARGIN, MARGIN + 7), fitted(scene.title, TEXT, room), TEXT, INK, anchor="lm")
     y = MARGIN + LINE
     sheet.paste(stage, (MARGIN, y))
@@ -66,7 +66,7 @@ def picture(scene: Scene, frame: int, *, width: int = WIDTH) -> Image.Image:
     _write_moment(sheet, scene, frame, y + 12)
     y += LINE + 4
     if chart:
-        plot = Pen(room, chart)
+        plot = Canvas(room, chart)
         _plot(plot, scene, frame)
         sheet.paste(plot, (MARGIN, y))
     _write_legend(sheet, legend, y + chart + LINE // 2)
@@ -87,16 +87,16 @@ def still(scene: Scene, frame: int, *, width: int = STILL) -> str:
     """
     if not 0 <= frame < len(scene.tint):
         raise EthogramError(f"Scene {scene.title!r} has no frame {frame}.")
-    stage = _stage(scene, frame, width - 2 * MARGIN, VectorPen)
+    stage = _stage(scene, frame, width - 2 * MARGIN, SvgCanvas)
     legend = _legend(scene, width - 2 * MARGIN)
-    sheet = VectorPen(width, MARGIN + stage.height + LINE * len(legend) + MARGIN)
+    sheet = SvgCanvas(width, MARGIN + stage.height + LINE * len(legend) + MARGIN)
     sheet.paste(stage, (MARGIN, MARGIN))
     _write_legend(sheet, legend, MARGIN + stage.height + LINE // 2 + 2)
     return sheet.svg()
 
 
 def _write_legend(
-    sheet: Pen | VectorPen, legend: list[list[tuple[float, str, str]]], y: float
+    sheet: Canvas | SvgCanvas, legend: list[list[tuple[float, str, str]]], y: float
 ) -> None:
     for at, row in enumerate(legend):
         middle = y + LINE * at
@@ -106,7 +106,7 @@ def _write_legend(
             sheet.text((left + 15, middle), meaning, SMALL, INK, anchor="lm")
 
 
-def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
+def _write_moment(sheet: Canvas, scene: Scene, frame: int, y: float) -> None:
     """The caption, and at the right for how long of how many seconds the scene has been shown."""
     last, seconds = len(scene.tint) - 1, scene.frame_seconds
     clock = f"{frame * seconds:.1f} of {last * seconds:.1f} s"
@@ -116,17 +116,17 @@ def _write_moment(sheet: Pen, scene: Scene, frame: int, y: float) -> None:
     sheet.text((MARGIN, y), caption, TEXT, INK, anchor="lm")
 
 
-def _stage(scene: Scene, frame: int, width: int, pen: type[AnyPen]) -> AnyPen:
+def _stage(scene: Scene, frame: int, width: int, canvas: type[AnyPen]) -> AnyPen:
     """The scene itself, framed."""
     if scene.position.shape[2] == 3:
-        stage = pen(width, round(width / IN_SPACE))
-        places = bodies.draw(stage, scene, frame)
+        stage = canvas(width, round(width / IN_SPACE))
+        places = space3d.draw(stage, scene, frame)
         for shape in _visible(scene, frame, places):
             _draw_label(stage, scene, shape, places[shape])
     else:
         left, bottom, right, top = scene.bounds
         ratio = (right - left) / max(top - bottom, 1e-9)
-        stage = pen(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
+        stage = canvas(width, round(width * min(MOST_HEIGHT, 1 / min(4.0, max(1.0, ratio)))))
         places = _places(stage, scene, frame)
         _draw_plane(stage, scene, frame, places)
     _draw_words(stage, scene, frame, places)
@@ -134,7 +134,7 @@ def _stage(scene: Scene, frame: int, width: int, pen: type[AnyPen]) -> AnyPen:
     return stage
 
 
-def _places(stage: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+def _places(stage: Canvas | SvgCanvas, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
     """Where the shapes are: x, y and radius in pixels, the same scale on both axes."""
     left, bottom, right, top = scene.bounds
     across, up = max(right - left, 1e-9), max(top - bottom, 1e-9)
@@ -157,7 +157,7 @@ def _visible(scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]) -> 
 
 
 def _draw_plane(
-    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+    stage: Canvas | SvgCanvas, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
 ) -> None:
     visible = _visible(scene, frame, places)
     for link in scene.links:
@@ -180,7 +180,7 @@ def _draw_plane(
 
 
 def _draw_label(
-    stage: Pen | VectorPen, scene: Scene, shape: int, place: Float[np.ndarray, "3"]
+    stage: Canvas | SvgCanvas, scene: Scene, shape: int, place: Float[np.ndarray, "3"]
 ) -> None:
     """Within a circle where there is room, else above it.
 
@@ -199,7 +199,7 @@ def _draw_label(
 
 
 def _draw_words(
-    stage: Pen | VectorPen, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
+    stage: Canvas | SvgCanvas, scene: Scene, frame: int, places: Float[np.ndarray, "shape 3"]
 ) -> None:
     """What shapes say, beside them; where there is no room, a dot tells that they say something."""
     if scene.said is None:
@@ -234,7 +234,7 @@ def _word(scene: Scene, frame: int, shape: int, room: float) -> str:
     return fitted(scene.words[said], WORD, room - 8) if 0 <= said < len(scene.words) else ""
 
 
-def _plot(chart: Pen, scene: Scene, frame: int) -> None:
+def _plot(chart: Canvas, scene: Scene, frame: int) -> None:
     """All lines of all series over the frames, on one scale, and a mark at the frame."""
     lines = np.concatenate(list(scene.series.values()), 1).astype(float)
     known = np.isfinite(lines)
@@ -301,7 +301,7 @@ def _legend(scene: Scene, room: float) -> list[list[tuple[float, str, str]]]:
         if rows[-1] and left + wide > room:
             rows.append([])
             left = 0.0
-        look = bodies.TINTS[tint] if graded and tint < len(bodies.TINTS) else colour(tint)
+        look = space3d.TINTS[tint] if graded and tint < len(bodies.TINTS) else colour(tint)
         rows[-1].append((left, look, shown))
         left += wide + 14
     return [row for row in rows if row]

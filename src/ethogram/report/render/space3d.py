@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float
 from PIL import ImageColor
 
 from ethogram.core.scene import Scene
-from ethogram.report.pen import MUTED, Pen, colour, measure
-from ethogram.report.vector import VectorPen
+from ethogram.report.render.canvas import MUTED, Canvas, colour, measure
+from ethogram.report.render.svg_canvas import SvgCanvas
 
 CONTRACTED, RESTING, EXPANDED = TINTS = ("#0072b2", "#bdbab1", "#d55e00")
 SATURATED = 0.1  # of the size at rest: a larger change does not change the colour further
@@ -62,10 +62,10 @@ class View(NamedTuple):
         return np.stack([x + zoom * right, y - zoom * up, depth], -1)
 
 
-def draw(pen: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
+def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
     """Draw a frame; returns where the shapes are: x, y and radius in pixels."""
-    view = _view(scene, frame, pen.width, pen.height)
-    _draw_floor(pen, view)
+    view = _view(scene, frame, canvas.width, canvas.height)
+    _draw_floor(canvas, view)
     half = np.array([shape.size for shape in scene.shapes], float)
     if scene.scale is not None:
         half = half * scene.scale[frame]
@@ -76,11 +76,11 @@ def draw(pen: Pen | VectorPen, scene: Scene, frame: int) -> Float[np.ndarray, "s
     fallen = view.seen(corners * (1, 1, 0))
     for shape in shown:
         for face in FACES:
-            pen.polygon(fallen[shape, face, :2], SHADOW)
+            canvas.polygon(fallen[shape, face, :2], SHADOW)
     away = np.linalg.norm(position - view.eye, axis=1)
     colours = _colours(scene, frame)
     for shape in sorted(shown, key=lambda shape: -away[shape]):
-        _draw_cube(pen, view, corners[shape], NORMALS @ turn[shape].T, colours[shape])
+        _draw_cube(canvas, view, corners[shape], NORMALS @ turn[shape].T, colours[shape])
     return np.column_stack([view.seen(position)[:, :2], view.scale * half])
 
 
@@ -140,7 +140,7 @@ def _rgb(hexadecimal: str) -> Float[np.ndarray, "3"]:
 
 
 def _draw_cube(
-    pen: Pen | VectorPen,
+    canvas: Canvas | SvgCanvas,
     view: View,
     corners: Float[np.ndarray, "8 3"],
     normals: Float[np.ndarray, "6 3"],
@@ -153,7 +153,7 @@ def _draw_cube(
     on_paper = view.seen(faces)
     before = (on_paper[..., 2] > NEAR * view.distance).all(1)
     for face in np.flatnonzero(facing & before):
-        pen.polygon(
+        canvas.polygon(
             on_paper[face, :, :2], _hexadecimal(light[face] * painted), _hexadecimal(0.5 * painted)
         )
 
@@ -162,7 +162,7 @@ def _hexadecimal(rgb: Float[np.ndarray, "3"]) -> str:
     return "#" + bytes(np.clip(rgb, 0, 255).astype(np.uint8)).hex()
 
 
-def _draw_floor(pen: Pen | VectorPen, view: View) -> None:
+def _draw_floor(canvas: Canvas | SvgCanvas, view: View) -> None:
     """Lines every `LINES` metres both ways, and below the shapes a track with marks and their x.
 
     On a larger floor the lines are further apart by a power of ten.
@@ -172,18 +172,18 @@ def _draw_floor(pen: Pen | VectorPen, view: View) -> None:
     step = _apart(view, LINES, MOST_LINES)
     beside = BESIDE * view.reach
     near, far = _lines(view, 1, view.target[1] + np.array((-beside, beside)), FAR * view.reach)
-    pen.polygon([*near, *far[::-1]], TRACK)
+    canvas.polygon([*near, *far[::-1]], TRACK)
     for line in _lines(view, 0, _places(view, 0, _apart(view, MARKS, MOST_LINES)), beside):
-        pen.line(line, MARK)
+        canvas.line(line, MARK)
     for axis in (0, 1):
         for line in _lines(view, axis, _places(view, axis, step), FAR * view.reach):
-            pen.line(line, MARK, 1.5)
+            canvas.line(line, MARK, 1.5)
     for place in _places(view, 0, _apart(view, LINES, MOST_NAMES) / 2):
         x, y, ahead = view.seen(np.array((place, view.target[1] - beside, 0.0))).tolist()
         name = f"{MILLIMETRES * place:.6g} mm"
         half = measure(name, LETTERS) / 2 + 2
-        if half < x < pen.width - half and ahead > NEAR * view.distance:
-            pen.text((x, y + LETTERS), name, LETTERS, MUTED, halo=True)
+        if half < x < canvas.width - half and ahead > NEAR * view.distance:
+            canvas.text((x, y + LETTERS), name, LETTERS, MUTED, halo=True)
 
 
 def _apart(view: View, least: float, most: int) -> float:

@@ -18,11 +18,12 @@ from ethogram.cli import commands
 from ethogram.cli.gather import trials_of
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene, grouped
-from ethogram.report import Replay, film
-from ethogram.report.film import write_film
-from ethogram.report.pictures import MARGIN, picture
+from ethogram.report import Replay
+from ethogram.report.render import video
+from ethogram.report.render.frames import MARGIN, picture
+from ethogram.report.render.video import write_film
 
-RECORDS = Path(__file__).parents[2] / "docs" / "results" / "records"
+RECORDS = Path(__file__).parents[3] / "docs" / "results" / "records"
 WIDE = 160
 
 
@@ -124,7 +125,7 @@ def test_an_mp4_is_h264_at_the_scenes_pace(tmp_path: Path) -> None:
 def test_too_many_frames_are_thinned_but_take_as_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, frames: int
 ) -> None:
-    monkeypatch.setattr(film, "MOST_FRAMES", 10)
+    monkeypatch.setattr(video, "MOST_FRAMES", 10)
     file = tmp_path / f"film{suffix}"
     write_film(file, crossing(), width=WIDE)
     assert len(frames_of(file)) == frames
@@ -196,7 +197,7 @@ def test_a_film_that_fails_half_way_leaves_the_earlier_one(
             raise EthogramError("out of ink")
         return picture(scene, frame, width=width)
 
-    monkeypatch.setattr(film, "picture", failing)
+    monkeypatch.setattr(video, "picture", failing)
     with pytest.raises(EthogramError, match="out of ink"):
         write_film(file, crossing(), width=WIDE)
     assert file.read_bytes() == earlier
@@ -219,8 +220,8 @@ def test_stored_scenes_of_each_world_become_films(
     capsys: pytest.CaptureFixture[str],
     world: str,
 ) -> None:
-    monkeypatch.setattr(film, "MOST_FRAMES", 20)
-    monkeypatch.setattr(film, "write_film", partial(write_film, width=240))
+    monkeypatch.setattr(video, "MOST_FRAMES", 20)
+    monkeypatch.setattr(video, "write_film", partial(write_film, width=240))
     file = tmp_path / "film.gif"
     command = ["replay", str(RECORDS), world, stored_case(world), f"--out={file}"]
     opened = []
@@ -245,7 +246,7 @@ def test_the_format_is_what_is_asked_for_or_what_the_name_says(
         return {replay.trial: replay for replay in trials_of("case", groups)}
 
     monkeypatch.setattr(commands, "trials_in", trials)
-    monkeypatch.setattr(film, "write_film", partial(write_film, width=WIDE))
+    monkeypatch.setattr(video, "write_film", partial(write_film, width=WIDE))
 
     def written(*options: str) -> str:
         code = cli.main(["replay", str(tmp_path), "toy", "case", "--no-show", *options])

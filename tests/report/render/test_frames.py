@@ -8,8 +8,8 @@ from tests.report.player import BLUE, FRAMES, HEIGHT, HOSTILE, RED, WIDTH, cross
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene, Shape
-from ethogram.report.pen import Pen, fitted, measure
-from ethogram.report.pictures import CHART, LINE, MARGIN, picture
+from ethogram.report.render.canvas import Canvas, fitted, measure
+from ethogram.report.render.frames import CHART, LINE, MARGIN, picture
 
 WIDE = 320
 GREY = (189, 186, 177)  # of a voxel at rest
@@ -269,7 +269,7 @@ def test_a_text_is_cut_to_its_room_and_only_then(text: str, room: float) -> None
     shown = fitted(text, 12.0, room)
     assert measure(shown, 12.0) <= room
     assert shown.endswith("…") or measure(text, 12.0) <= room
-    Pen(20, 20).text((10, 10), text, 12.0, "#000000", halo=True)
+    Canvas(20, 20).text((10, 10), text, 12.0, "#000000", halo=True)
 
 
 def test_there_is_a_clear_error_where_nothing_can_be_drawn() -> None:

@@ -35,7 +35,7 @@ class Pen:
         return self._sheet.reduce(FINE)
 
     def paste(self, other: "Pen", place: tuple[int, int]) -> None:
-        """Put what another pen drew where its left upper corner is to be."""
+        """Put what another canvas drew where its left upper corner is to be."""
         self._sheet.paste(other._sheet, (FINE * place[0], FINE * place[1]))
 
     def line(self, points: Any, colour: str, width: float = 1.0) -> None:

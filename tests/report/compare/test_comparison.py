@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from ethogram.cli.printing import show_comparison
 from ethogram.core.findings import Cell, Claim, Measured, Table
 from ethogram.report import Comparison, StudyPage, compare_pages, write_comparison
-from ethogram.report.comparison import StudyPair
-from ethogram.report.pairing import paired
-from ethogram.report.table_pairs import TablePair, compare_tables
+from ethogram.report.compare.align import paired
+from ethogram.report.compare.comparison import StudyPair
+from ethogram.report.compare.tables import TablePair, compare_tables
 
 HOSTILE = "<script>alert(1)</script> \"'&amp;{{ 7*7 }}\u202e\u05e9\u05dc\u05d5\u05dd"
 

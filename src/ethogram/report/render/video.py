@@ -15,7 +15,7 @@ from PIL import Image
 from ethogram.campaign.files import StorageError, write_whole
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene
-from ethogram.report.pictures import WIDTH, picture
+from ethogram.report.render.frames import WIDTH, picture
 
 MOST_FRAMES = 600  # of an animated image
 SHORTEST = 0.02  # s; viewers of GIF slow down what is shown for less

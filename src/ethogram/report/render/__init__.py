@@ -1,0 +1,1 @@
+"""Drawing of scenes: frames as pictures and as SVG, in the plane and in space, and films."""
