@@ -59,15 +59,17 @@ def rollout(
         for_policy, for_world, for_reset = jax.random.split(key, 3)
         action = policy(for_policy, at.observation)
         state, outcome = world.step(for_world, at.state, action)
-        last = episode_ended(outcome)
+        episode_end = episode_ended(outcome)
         reached = Position(state, outcome.observation)
 
         def renewed() -> Position:
             fresh = Position(*world.reset(for_reset))
-            return jax.tree.map(lambda new, old: jnp.where(last, new, old), fresh, reached)
+            return jax.tree.map(lambda new, old: jnp.where(episode_end, new, old), fresh, reached)
 
-        after = lax.cond(in_any_copy(last), renewed, lambda: reached)
-        return after, Transition(for_world, at.state, at.observation, action, outcome, state, last)
+        after = lax.cond(in_any_copy(episode_end), renewed, lambda: reached)
+        return after, Transition(
+            for_world, at.state, at.observation, action, outcome, state, episode_end
+        )
 
     return lax.scan(advance, start, jax.random.split(key, steps))
 
