@@ -17,10 +17,10 @@ from ethogram.studies.statistics import (
     Part,
     Support,
     Trials,
-    contributions,
     difference,
     holm,
     interval_of_mean,
+    jackknife_pseudovalues,
     judge,
     measured,
 )
@@ -201,9 +201,9 @@ def test_a_difference_of_differences_adds_four_variances():
 
 def test_contributions_to_a_mean_are_the_values_and_to_a_difference_those_about_the_means():
     a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
-    (alone,) = contributions(np.mean, a)
+    (alone,) = jackknife_pseudovalues(np.mean, a)
     np.testing.assert_allclose(alone, a)
-    first, second = contributions(lambda a, b: a.mean() - b.mean(), a, b)
+    first, second = jackknife_pseudovalues(lambda a, b: a.mean() - b.mean(), a, b)
     np.testing.assert_allclose(first, a - 4.0)
     np.testing.assert_allclose(second, [1.0, -1.0])
 
@@ -211,7 +211,7 @@ def test_contributions_to_a_mean_are_the_values_and_to_a_difference_those_about_
 def test_contributions_to_a_product_of_means_are_those_worked_by_hand():
     # The product is 3 * 4 = 12; without a trial of the first, the mean is 4, 3.5 or 1.5.
     a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
-    first, second = contributions(lambda a, b: a.mean() * b.mean(), a, b)
+    first, second = jackknife_pseudovalues(lambda a, b: a.mean() * b.mean(), a, b)
     np.testing.assert_allclose(first, 12 + 2 * (np.mean([16, 14, 6]) - [16, 14, 6]))
     np.testing.assert_allclose(second, [-3.0, 3.0])
     assert first.mean() + second.mean() == pytest.approx(12)
@@ -226,7 +226,7 @@ def test_a_part_of_contributions_has_the_error_of_the_statistic():
     rng, found, errors = np.random.default_rng(0), [], []
     for _ in range(400):
         values = rng.normal(size=25)
-        (each,) = contributions(between, values)
+        (each,) = jackknife_pseudovalues(between, values)
         found.append(each.mean())
         errors.append(each.std(ddof=1) / 5)
     assert np.mean(errors) == pytest.approx(np.std(found), rel=0.1)
@@ -234,7 +234,7 @@ def test_a_part_of_contributions_has_the_error_of_the_statistic():
 
 def test_rows_of_a_sample_are_left_out_whole():
     rows = np.arange(12.0).reshape(4, 3)
-    (found,) = contributions(lambda rows: rows.mean(), rows)
+    (found,) = jackknife_pseudovalues(lambda rows: rows.mean(), rows)
     np.testing.assert_allclose(found, rows.mean(1))
 
 

@@ -376,3 +376,14 @@ def test_robots_that_guide_each_other_are_joined_by_one_line():
     start = facing(world, [(0, 0), (0, 1)], [(0.5, 0), (1, 1)], [1, 0], [1, 1])
     states, _ = replay(world, start, weights(world, 2))
     assert sorted(record(start, states).links) == [(2, 1), (2, 3), (3, 1)]
+
+
+def test_a_law_of_motion_of_ones_own_takes_the_place_of_the_damped_one():
+    def jump(position, velocity, push, delta):
+        return position + delta * push, jnp.zeros_like(velocity)
+
+    world = Language(dynamics=jump, delta=0.5, steps=2)
+    state, _ = world.reset(KEY)
+    after, _ = world.step(KEY, state, act(world, [RIGHT, NONE], [A, A]))
+    np.testing.assert_allclose(after.position - state.position, [[0.5, 0], [0, 0]], atol=1e-6)
+    assert np.isinf(world.roles["mover"].observation.high).all()

@@ -51,8 +51,8 @@ from ethogram.studies.statistics import (
     Part,
     Terms,
     Trials,
-    contributions,
     difference,
+    jackknife_pseudovalues,
     judge,
     tests_revised,
 )
@@ -277,7 +277,9 @@ def _silhouettes(results: Results, kinds: Sequence[Condition], place: int) -> Te
     if results.comparable(*kinds):
         runs = [results.behaviours(at, FITNESS) for at in kinds]
         if min(map(len, runs)) >= JACKKNIFED and all(np.isfinite(each).all() for each in runs):
-            found = contributions(lambda a, b: float(silhouettes(a, b)[place].mean()), *runs)
+            found = jackknife_pseudovalues(
+                lambda a, b: float(silhouettes(a, b)[place].mean()), *runs
+            )
     return tuple((1.0, Trials(name, each)) for name, each in zip(names, found, strict=True))
 
 

@@ -30,7 +30,7 @@ from ethogram.studies.statistics import (
     Support,
     Trials,
     bounded,
-    contributions,
+    jackknife_pseudovalues,
     measured,
     support_of,
 )
@@ -175,7 +175,7 @@ def ratio(data: xr.Dataset, scenario: str, published: float | None = None) -> Me
         own = pairs[:, 0] / pairs[:, 1]
         value, low, high = _of_means(pairs), float(own.min()), float(own.max())
         return Measured(value=value, low=low, high=high, published=published, bounds="range")
-    (each,) = contributions(_of_means, pairs)
+    (each,) = jackknife_pseudovalues(_of_means, pairs)
     return measured(Trials(f"ratio, {scenario}", each), published=published)
 
 

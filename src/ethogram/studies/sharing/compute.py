@@ -133,7 +133,7 @@ def payoff(settings: Settings) -> np.ndarray:
     reward = REWARDS[world.scenario]
     filling = jnp.arange(1, world.agents + 1.0)
     literal = world.reward == "literal"
-    return np.asarray(reward(filling, world.agents, world.resources, literal))
+    return np.asarray(reward(filling, world.agents, world.resources, literal=literal))
 
 
 def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) -> xr.Dataset:

@@ -152,7 +152,7 @@ def difference(a: Trials, b: Trials, scale: float = 1.0) -> Terms:
     return ((1.0, a), (-scale, b))
 
 
-def contributions(statistic: Callable[..., float], *samples: Floats) -> list[Floats]:
+def jackknife_pseudovalues(statistic: Callable[..., float], *samples: Floats) -> list[Floats]:
     """A statistic of several samples as a sum of means over their trials (Tukey, 1958).
 
     What is no mean (a silhouette, a ratio) becomes terms of a part: one number per trial, the

@@ -18,13 +18,15 @@ Units: the side of the square the targets lie in is 1; velocity is displacement 
 Deviations from the print, each for the reason given.  `dynamics="damped"` moves like the
 multi-agent particle environments, v <- 0.75 v + 0.05 a, then x <- x + v: under the printed law
 (`dynamics="literal"`: x <- x + v, v <- v + delta a) a robot that neither remembers nor sees its
-velocity can only oscillate.  A talker may be silent only if `allow_silence` or if there is no
-symbol, since silence is a word too (the unused entries of its action and of what is heard are
-padding, 0).  `execution="soft"` lets weights move robots and be heard as
-they are; `"hard"` turns them into the choice of the largest.  `observe_velocity` is off, as in
-the thesis.  The end is a time limit, hence a truncation.
+velocity can only oscillate.  Another function of position, velocity, push and delta may take their
+place.  A talker may be silent only if `allow_silence` or if there is no symbol, since silence is a
+word too (the unused entries of its action and of what is heard are padding, 0).
+`execution="soft"` lets weights move robots and be heard as they are; `"hard"` turns them into the
+choice of the largest.  `observe_velocity` is off, as in the thesis.  The end is a time limit, hence
+a truncation.
 """
 
+from collections.abc import Callable
 from functools import cache
 from itertools import permutations
 from typing import Annotated, Literal
@@ -33,24 +35,50 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Int, Key
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
-from ethogram.core.settings import Number, setting
+from ethogram.core.settings import Number, function_of, named, setting
 from ethogram.core.spaces import Box, Simplex
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.language.scene import record
 from ethogram.worlds.language.state import State, distances
 
-Dynamics = Literal["damped", "literal"]
+# position Float[robot, 2], velocity Float[robot, 2], push Float[robot, 2], delta -> the first two
+Dynamics = Callable[[Array, Array, Array, Number], tuple[Array, Array]]
 Execution = Literal["soft", "hard"]
 
 DAMPING, ACCELERATION = 0.75, 0.05  # of the particle environments, per step
 #        none   up      right   down     left
 MOVES = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))
+
+
+def damped(
+    position: Float[Array, "robot 2"],
+    velocity: Float[Array, "robot 2"],
+    push: Float[Array, "robot 2"],
+    delta: Number,
+) -> tuple[Float[Array, "robot 2"], Float[Array, "robot 2"]]:
+    """The multi-agent particle environments: v <- 0.75 v + 0.05 a, then x <- x + v."""
+    del delta
+    velocity = DAMPING * velocity + ACCELERATION * push
+    return position + velocity, velocity
+
+
+def literal(
+    position: Float[Array, "robot 2"],
+    velocity: Float[Array, "robot 2"],
+    push: Float[Array, "robot 2"],
+    delta: Number,
+) -> tuple[Float[Array, "robot 2"], Float[Array, "robot 2"]]:
+    """The law as printed: x <- x + v, v <- v + delta a."""
+    return position + velocity, velocity + delta * push
+
+
+DYNAMICS: dict[str, Dynamics] = {"damped": damped, "literal": literal}
 
 
 class Language(World):
@@ -62,7 +90,7 @@ class Language(World):
     targets: int = setting(2, Annotated[int, Field(ge=1, le=1000)], static=True)
     capacity: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
     steps: int = setting(25, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
-    dynamics: Dynamics = setting("damped", Dynamics, static=True)
+    dynamics: str | Dynamics = named("damped", DYNAMICS)
     execution: Execution = setting("soft", Execution, static=True)
     allow_silence: bool = setting(False, bool, static=True)
     observe_velocity: bool = setting(False, bool, static=True)
@@ -103,10 +131,10 @@ class Language(World):
 
     @property
     def _reach(self) -> float:
-        """No offset is larger: a robot at full speed all the way."""
-        if self.dynamics == "literal":
-            return float("inf")
-        return 1.0 + self.steps * ACCELERATION / (1 - DAMPING)
+        """The largest offset: that of a robot at full speed all the way, if it has any."""
+        if function_of(DYNAMICS, self.dynamics) is damped:
+            return 1.0 + self.steps * ACCELERATION / (1 - DAMPING)
+        return float("inf")
 
     @property
     def words(self) -> Bool[Array, "word"]:
@@ -176,12 +204,8 @@ class Language(World):
 
     def _move(self, state: State, action: PerRole) -> State:
         push = action["mover"] @ jnp.asarray(MOVES, jnp.float32)
-        if self.dynamics == "damped":
-            velocity = DAMPING * state.velocity + ACCELERATION * push
-            position = state.position + velocity
-        else:
-            velocity = state.velocity + self.delta * push
-            position = state.position + state.velocity
+        advance = function_of(DYNAMICS, self.dynamics)
+        position, velocity = advance(state.position, state.velocity, push, self.delta)
         return State(
             position,
             velocity,
