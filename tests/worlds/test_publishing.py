@@ -431,10 +431,10 @@ def test_two_phases_bring_the_impact_factors_near_to_the_real_ones():
 
 
 def test_laws_of_ones_own_take_the_place_of_those_of_the_thesis():
-    def everywhere(key, year, cited, journals, aim):
+    def everywhere(_key, year, _cited, journals, _aim):
         return jnp.arange(len(year)) % journals
 
-    def alike(chance, quality, sigma, quality_max):
+    def alike(_chance, quality, _sigma, _quality_max):
         return quality
 
     world = Publishing(
