@@ -411,6 +411,29 @@ def test_a_part_in_doubt_leaves_the_claim_undecided():
     assert claim.low < 0 < claim.high
 
 
+@pytest.mark.parametrize("side", ["at least", "at most"])
+def test_an_undecided_claim_says_about_how_many_trials_would_decide_it(side):
+    few = normal(3, 0.3, size=8)
+    note = verdict(part((1.0, few), side=side)).note
+    more = int(re.fullmatch(r"leans .*; about (\d+) trials in place of 8 would .*", note)[1])
+
+    def decided(copies):  # the same effect and spread, all but for the n - 1 of a variance
+        many = Trials("many", np.tile(few.values, copies))
+        return verdict(part((1.0, many), side=side)).verdict != "undecided"
+
+    assert decided(round(1.2 * more / 8))
+    assert not decided(round(0.8 * more / 8))
+
+
+def test_where_more_trials_would_not_decide_it_none_are_named():
+    at_the_margin = verdict(part((1.0, trials(-1, 1, -2, 2, 1e-6))))
+    capped = Trials("capped", np.full(9, 5.0), Support(high=5.0, capped=True))
+    too_few = verdict(part((1.0, trials(1.0, 2.0, 3.0))))
+    for claim in (at_the_margin, verdict(part((1.0, capped), side="less than", margin=9)), too_few):
+        assert claim.verdict == "undecided"
+        assert "would decide" not in claim.note
+
+
 # What cannot be tested
 
 

@@ -78,6 +78,11 @@ class Trials:
         return self.values is None or self.values.size == 0
 
     @property
+    def count(self) -> int:
+        """How many trials there are."""
+        return 0 if self.values is None else self.values.size
+
+    @property
     def mean(self) -> float:
         """Of all trials; not a number where there is none."""
         return math.nan if self.values is None or self.missing else float(self.values.mean())
