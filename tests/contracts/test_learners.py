@@ -53,7 +53,7 @@ def made(name, pay=PAY):
     pytest.fail(f"the learner {name!r} has no small instance here: add one")
 
 
-@pytest.mark.parametrize("name", [*LEARNERS.names(), "playing"])
+@pytest.mark.parametrize("name", [*LEARNERS, "playing"])
 def test_update_can_be_given_to_jit_itself_and_keeps_the_shapes_of_what_is_learned(name):
     learner, key, learned = made(name)
     after, _ = jax.eval_shape(jax.jit(learner.update), key, learned)

@@ -96,7 +96,7 @@ def test_the_most_ambitious_go_to_the_best_journal_and_the_most_selective_take_t
 def test_indicators_are_those_of_the_state_by_name(played):
     _, states, *_ = played
     state = jax.tree.map(lambda part: part[-1], states).system
-    found = {name: INDICATORS.get(name) for name in INDICATORS.names()}
+    found = {name: INDICATORS[name] for name in INDICATORS}
     assert set(found) >= {"h_index", "impact_factor", "acceptance_rate", "papers"}
     for each in found.values():
         assert len(each.measure(state)) == (12 if each.of == "author" else 10)

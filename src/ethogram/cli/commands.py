@@ -122,17 +122,17 @@ def list_() -> int:
     from ethogram.worlds import WORLDS
 
     broken = STUDIES.unreadable()
-    for name in STUDIES.names():
+    for name in STUDIES:
         try:
-            study = STUDIES.get(name)
+            study = STUDIES[name]
         except EthogramError as error:
             broken.append(str(error))
             continue
         print(f"{name}: {study.TITLE}. {study.QUESTION}")
         for plan in study.PLANS.values():
             print(f"  --plan {plan.name}: {plan.description}")
-    print(f"worlds: {', '.join(WORLDS.names())}")
-    print(f"learners: {', '.join(LEARNERS.names())}")
+    print(f"worlds: {', '.join(WORLDS)}")
+    print(f"learners: {', '.join(LEARNERS)}")
     for message in broken:
         say(readable(message))
     return FAILED if broken else DONE
@@ -332,7 +332,7 @@ def reproduce(
 
     compute = engine_named(engine)
     chosen, troubles = [], []
-    for name in STUDIES.names():
+    for name in STUDIES:
         try:
             chosen.append(_chosen(name, plan))
         except EthogramError as error:
@@ -368,7 +368,7 @@ def _chosen(
     """The study and its plan that a user names."""
     from ethogram.studies import STUDIES
 
-    study = STUDIES.get(study_name)
+    study = STUDIES[study_name]
     if plan_name not in study.PLANS:
         raise UnknownName(f"{study_name} plan", plan_name, study.PLANS)
     return study, study.PLANS[plan_name].override(changes)

@@ -106,7 +106,7 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """A replay: what a notebook shows for a scene on the last line of a cell."""
-        return DRAWINGS.get("notebook")(self)
+        return DRAWINGS["notebook"](self)
 
     def _check_values(self) -> None:
         """Refuse what could not be drawn."""

@@ -207,7 +207,7 @@ def _look(world: Publishing, state: State, most: int) -> Year:
     quality = level * (world.quality_max / TOP)
     none = jnp.zeros(world.journals)
     return Year(
-        indicators={name: INDICATORS.get(name).measure(state) for name in INDICATORS.names()},
+        indicators={name: INDICATORS[name].measure(state) for name in INDICATORS},
         papers=none.astype(int).at[journal].add(1, mode="drop"),
         quality=none.at[journal].add(quality, mode="drop"),
         histogram=jnp.zeros(QUALITY_BINS, int).at[bin_].add(1, mode="drop"),
