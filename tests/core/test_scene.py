@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, Shape, grouped, groups_by_trial
+from ethogram.core.scene import Scene, Shape, Tint, grouped, groups_by_trial, tints
 
 
 def scene(**changes):
@@ -12,7 +12,7 @@ def scene(**changes):
         "title": "two <b>robots</b>",
         "bounds": (0.0, 0.0, 1.0, 1.0),
         "frame_seconds": 0.1,
-        "palette": ("idle", "busy"),
+        "palette": tints("idle", "busy"),
         "shapes": (Shape("circle", 0.1, "1"), Shape("square", 0.2)),
         "links": ((0, 1),),
         "position": np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 2, 2),
@@ -59,8 +59,10 @@ def test_an_array_that_does_not_fit_the_cast_is_named():
         ({"bounds": (0.0, 0.0, 1.0, None)}, "bounds holds None"),
         ({"frame_seconds": float("nan")}, "frame_seconds holds nan"),
         ({"frame_seconds": 0.0}, "a time above 0"),
-        ({"shapes": (Shape("circle", float("inf")), Shape("square", 0.2))}, "size holds inf"),
-        ({"palette": ("idle", 1)}, "palette holds what is no text"),
+        ({"words": ("hello", 1)}, "words holds what is no text"),
+        ({"palette": ("idle", "busy")}, r"palette holds 'idle'; allowed: Tint\(label, '#rrggbb'\)"),
+        ({"palette": (Tint("idle", "red"), Tint("busy", "#00ff00"))}, "palette holds Tint"),
+        ({"palette": tints("idle")}, "tint holds 1; allowed: -1 .* a palette of 1"),
         ({"series": {"distance": np.ones(3)}}, "distance is"),
     ],
 )
@@ -70,7 +72,9 @@ def test_what_could_not_be_drawn_is_refused(changes, said):
 
 
 def test_a_line_must_join_shapes_of_the_cast():
-    with pytest.raises(EthogramError, match=r"a line joins \(0, 2\), but there are only 2 shapes"):
+    with pytest.raises(
+        EthogramError, match=r"a line joins \(0, 2\); allowed: entries of its 2 shapes"
+    ):
         scene(links=((0, 1), (0, 2)))
     with pytest.raises(EthogramError, match=r"a line joins \(-1, 0\)"):
         scene(links=((-1, 0),))

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Locator, Page
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.report import Replay, write_replay
 
 HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=alert(1)>\u202e\u05e9"
@@ -24,7 +24,7 @@ def crossing(**changes) -> Scene:
         "title": "crossing",
         "bounds": (0.0, 0.0, WIDTH, HEIGHT),
         "frame_seconds": 0.05,
-        "palette": ("going", "gone"),
+        "palette": tints("going", "gone"),
         "shapes": (Shape("circle", 0.8),),
         "position": np.stack([x, np.full(FRAMES, 6.0)], 1)[:, None],
         "tint": (np.arange(FRAMES) >= FRAMES // 2).astype(int)[:, None],
@@ -39,7 +39,7 @@ def opened(tmp_path: Path, open_tab: Callable[..., Page], *scenes: Scene | None,
     file = tmp_path / "replay.html"
     replays = [
         Replay(
-            name=f"case {number}" if number > 1 else "case", scene=scene, trouble="it is cut short"
+            name=f"case {number}" if number > 1 else "case", scene=scene, error="it is cut short"
         )
         for number, scene in enumerate(scenes, start=1)
     ]

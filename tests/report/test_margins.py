@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim, Revision
-from ethogram.report.formatting import note, shared_history, stated
+from ethogram.report.formatting import note, shared_revisions, stated
 from ethogram.report.margins import claimed, line
 
 CLAIM = Claim(
@@ -117,9 +117,14 @@ def test_what_the_page_says_of_when_claims_were_stated_is_what_they_say() -> Non
 
 def test_changes_to_all_claims_are_said_once_and_the_deciding_comparison_too() -> None:
     one, other = (Revision(date="2026-11-02", change=each, reason="", known="") for each in "ab")
-    claims = [replace(CLAIM, history=(one, other)), replace(CLAIM, history=(other,))]
-    assert shared_history(claims) == (other,)
-    assert shared_history(claims[:1]) == ()
+    claims = [
+        replace(CLAIM, number=1, history=(one, other)),
+        replace(CLAIM, number=2, history=(other, one)),
+        replace(CLAIM, number=3, history=(other,)),
+    ]
+    assert shared_revisions(claims) == {other: "all claims", one: "claims 1 and 2"}
+    assert list(shared_revisions(claims)) == [other, one]
+    assert shared_revisions(claims[:1]) == {}
     told = replace(CLAIM, compared="a - b", note="3 trials; rests on: a - b; leans towards it")
     assert note(told) == "3 trials; leans towards it"
     assert note(replace(told, compared="")) == told.note

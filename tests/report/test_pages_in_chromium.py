@@ -13,7 +13,7 @@ from tests.report.player import FRAMES, crossing
 
 from ethogram.core.findings import Claim, Measured, Table
 from ethogram.core.introduction import Introduction
-from ethogram.core.scene import Shape
+from ethogram.core.scene import Shape, tints
 from ethogram.report import (
     Comparison,
     Replay,
@@ -145,7 +145,7 @@ def test_names_without_a_break_do_not_make_a_phone_scroll_sideways(
     long = "verylongnamewithoutanybreak" * 3
     scene = crossing(
         title=long,
-        palette=(long, long),
+        palette=tints(long, long),
         captions=(long,) * FRAMES,
         chapters=tuple(f"{long}{frame // 9}" for frame in range(FRAMES)),
         shapes=(Shape("circle", 0.8, long),),

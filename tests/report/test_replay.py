@@ -11,7 +11,7 @@ from tests.report.player import FRAMES, crossing
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Shape
 from ethogram.report import Replay, page_bytes
-from ethogram.report.replay import NO_NUMBER, STEPS, every, packed
+from ethogram.report.replay import NAN_CODE, STEPS, encode_replays, subsample
 
 
 def decoded(stored: dict[str, str], frames: int) -> np.ndarray:
@@ -19,7 +19,7 @@ def decoded(stored: dict[str, str], frames: int) -> np.ndarray:
     steps = np.frombuffer(gzip.decompress(base64.b64decode(stored["data"])), "<i2")
     at = np.cumsum(steps.reshape(frames, -1), axis=0, dtype=np.int16)
     low, step = np.frombuffer(base64.b64decode(stored["ranges"]), "<f4").reshape(2, -1)
-    return np.where(at == NO_NUMBER, np.nan, low + (at.astype(int) + STEPS // 2) * step)
+    return np.where(at == NAN_CODE, np.nan, low + (at.astype(int) + STEPS // 2) * step)
 
 
 def of_two(far: float) -> np.ndarray:
@@ -34,7 +34,7 @@ def of_two(far: float) -> np.ndarray:
 def test_a_shape_far_away_takes_no_precision_from_the_others(far: float) -> None:
     cast = {"shapes": (Shape("circle", 0.8),) * 2, "tint": np.zeros((FRAMES, 2), int)}
     position = of_two(far)
-    text = packed([Replay(name="case", scene=crossing(position=position, **cast))])
+    text = encode_replays([Replay(name="case", scene=crossing(position=position, **cast))])
     seen = decoded(json.loads(text)[0]["arrays"]["position"], FRAMES).reshape(FRAMES, 2, 2)
     np.testing.assert_allclose(seen[:, 0], position[:, 0], atol=14 / STEPS)
     if np.isfinite(far):
@@ -50,8 +50,8 @@ def test_what_does_not_fit_loses_frames_evenly_and_what_does_keeps_them_all() ->
         captions=("",) * 5000, series={},
     )  # fmt: skip
     replays = [Replay(name="long", scene=long), Replay(name="short", scene=crossing())]
-    whole = packed(replays)
-    text = packed(replays, room=len(whole) // 3)
+    whole = encode_replays(replays)
+    text = encode_replays(replays, room=len(whole) // 3)
     assert len(text) <= len(whole) // 3
     first, second = json.loads(text)
     frames, step = first["thinned"]
@@ -59,19 +59,19 @@ def test_what_does_not_fit_loses_frames_evenly_and_what_does_keeps_them_all() ->
     assert first["seconds"] == pytest.approx(long.frame_seconds * step)
     assert "thinned" not in second
     assert second["frames"] == FRAMES
-    assert packed(replays, room=len(whole)) == whole
+    assert encode_replays(replays, room=len(whole)) == whole
 
 
 def test_where_not_one_frame_fits_the_page_says_so_in_its_place() -> None:
-    (plain,) = json.loads(packed([Replay(name="case", scene=crossing())], room=100))
-    assert plain["trouble"] == "even a single frame needs more room than this page has for it"
+    (plain,) = json.loads(encode_replays([Replay(name="case", scene=crossing())], room=100))
+    assert plain["error"] == "even a single frame needs more room than this page has for it"
 
 
 @pytest.mark.parametrize("step", [2, 3, 7, FRAMES, 100])
 def test_what_was_anew_in_a_frame_left_out_is_anew_in_the_next_one_shown(step: int) -> None:
     fresh = np.zeros((FRAMES, 1), bool)
     fresh[[0, 5, 20]] = True
-    thin = every(crossing(fresh=fresh), step)
+    thin = subsample(crossing(fresh=fresh), step)
     assert thin.fresh is not None
     since = [0, *range(1, FRAMES, step)]  # of each frame shown, the first one after the last shown
     shown = range(0, FRAMES, step)

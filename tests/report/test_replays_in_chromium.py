@@ -30,9 +30,9 @@ from tests.report.player import (
 
 from ethogram import cli
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Shape
+from ethogram.core.scene import Shape, tints
 from ethogram.report import Replay, StudyPage, write, write_replay
-from ethogram.report.replay import packed
+from ethogram.report.replay import encode_replays
 
 NASTY = (
     "</script>",
@@ -341,7 +341,7 @@ def test_text_of_a_scene_is_shown_and_never_run(
 ) -> None:
     scene = crossing(
         title=HOSTILE,
-        palette=(HOSTILE, HOSTILE),
+        palette=tints(HOSTILE, HOSTILE),
         captions=(HOSTILE,) * FRAMES,
         shapes=(Shape("circle", 0.8, HOSTILE),),
         words=(HOSTILE,),
@@ -371,7 +371,7 @@ def test_drawn_texts_are_shown_letter_by_letter_and_never_run(
     scene = crossing(
         captions=captions,
         chapters=chapters,
-        palette=names[:2],
+        palette=tints(*names[:2]),
         shapes=(Shape("circle", 0.8, names[2]),),
         words=names[3:4],
         said=np.zeros((FRAMES, 1), int),
@@ -409,11 +409,12 @@ def test_a_damaged_scene_shows_a_message_not_a_blank(
     error.wait_for()
     assert error.inner_text() == "This replay cannot be shown: it is cut short."
     text = (tmp_path / "replay.html").read_text()
-    assert '"trouble"' in text
+    assert '"error"' in text
     whole = opened(tmp_path, open_tab, crossing())
     text = (tmp_path / "replay.html").read_text()
-    data = json.loads(packed([Replay(name="case", scene=crossing())]))[0]["arrays"]["tint"]["data"]
-    short = packed([Replay(name="case", scene=crossing(tint=np.zeros((FRAMES, 1), int)))])
+    whole_scene = encode_replays([Replay(name="case", scene=crossing())])
+    data = json.loads(whole_scene)[0]["arrays"]["tint"]["data"]
+    short = encode_replays([Replay(name="case", scene=crossing(tint=np.zeros((FRAMES, 1), int)))])
     other = json.loads(short)[0]["arrays"]["tint"]["data"]
     assert data in text
     (tmp_path / "replay.html").write_text(text.replace(f'"frames": {FRAMES}', '"frames": 40'))

@@ -9,7 +9,7 @@ from tests.studies.contexts import Remembering
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.studies import publishing as study
 from ethogram.studies.publishing import compute, results, robustness
 from ethogram.studies.publishing import records as kept
@@ -465,7 +465,7 @@ def test_scenes_stay_within_their_share_of_a_record(journals, per_year):
         title="made up",
         bounds=(-20.0, 0.0, 20.0, 10.0),
         frame_seconds=0.2,
-        palette=("one", "other"),
+        palette=tints("one", "other"),
         shapes=(Shape("circle", 1.0),) * size[1],
         position=rng.uniform(-20, 20, (*size, 2)),
         tint=rng.integers(0, 2, size),

@@ -208,11 +208,11 @@ def replay(
     page_size: PageSize = 10.0,
     show: Show = True,
 ) -> int:
-    """Show the recorded scene of a case, as a page that needs no network or as a film."""
+    """Show the recorded scene of a case, as a page that needs no network or as a video."""
     from ethogram.campaign.files import refuse_link
     from ethogram.campaign.manifests import Damaged
     from ethogram.report import page_bytes, write_replay
-    from ethogram.report.render.video import write_film
+    from ethogram.report.render.video import write_video
     from ethogram.report.site import slug
 
     suffix = out.suffix.lower().removeprefix(".") if out else ""
@@ -240,9 +240,9 @@ def replay(
         replays = list(trials.values()) if trial is None else [shown]
         write_replay(file, study, replays, page_bytes=page_bytes(page_size))
     elif shown.scene is None:
-        raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.trouble}.")
+        raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.error}.")
     else:
-        write_film(file, shown.scene)
+        write_video(file, shown.scene)
     tell(file)
     if show and written == "html":
         webbrowser.open(file.resolve().as_uri())

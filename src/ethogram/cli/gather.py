@@ -246,5 +246,5 @@ def _replay(name: str, stored: "xr.Dataset", trial: int) -> "Replay":
         return Replay(name=name, scene=Scene.from_dataset(stored), trial=trial)
     except (EthogramError, AttributeError, LookupError, TypeError, ValueError) as error:
         reason = str(error) or type(error).__name__
-        trouble = f"what is stored is no scene ({reason})"
-        return Replay(name=name, scene=None, trouble=trouble, trial=trial)
+        what = f"what is stored is no scene ({reason})"
+        return Replay(name=name, scene=None, error=what, trial=trial)

@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from tests.report.player import BLUE, FRAMES, HEIGHT, HOSTILE, RED, WIDTH, crossing
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, Shape
-from ethogram.report.render.canvas import Canvas, fitted, measure
-from ethogram.report.render.frames import CHART, LINE, MARGIN, picture
+from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint, tints
+from ethogram.report.render.canvas import Canvas, text_width, truncate
+from ethogram.report.render.frames import CHART, LINE, MARGIN, render_frame
 
 WIDE = 320
+GRADED = tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS))
 GREY = (189, 186, 177)  # of a voxel at rest
 TEXTS = (
     HOSTILE,
@@ -28,7 +29,7 @@ TEXTS = (
 
 def stage(scene: Scene, frame: int, width: int = WIDE) -> np.ndarray:
     """The pixels of the scene itself, without what is written around it."""
-    pixels = np.asarray(picture(scene, frame, width=width)).astype(int)
+    pixels = np.asarray(render_frame(scene, frame, width=width)).astype(int)
     left, bottom, right, top = scene.bounds
     space = scene.position.shape[2] == 3
     ratio = 16 / 9 if space else (right - left) / (top - bottom)
@@ -49,7 +50,7 @@ def bodies(*places: tuple[float, float, float], **changes) -> Scene:
         "title": "bodies",
         "bounds": (-1.0, 0.0, 1.0, 1.0),
         "frame_seconds": 0.05,
-        "palette": ("contracted", "at rest", "expanded"),
+        "palette": GRADED,
         "shapes": (Shape("cube", 0.005),) * cast,
         "position": np.array([places], float),
         "scale": np.ones((1, cast)),
@@ -130,12 +131,12 @@ def test_a_scene_that_is_not_finite_somewhere_shows_the_rest() -> None:
     ],
 )
 def test_odd_scenes_are_drawn_at_once_and_without_an_error(scene: Scene) -> None:
-    assert picture(scene, 0, width=WIDE).width == WIDE
+    assert render_frame(scene, 0, width=WIDE).width == WIDE
 
 
 def test_all_frames_of_a_scene_have_the_same_even_size() -> None:
-    for scene in (crossing(), crossing(series={}, palette=(), bounds=(0, 0, 1, 7))):
-        sizes = {picture(scene, frame, width=317).size for frame in (0, 20, 40)}
+    for scene in (crossing(), crossing(series={}, palette=tints("", ""), bounds=(0, 0, 1, 7))):
+        sizes = {render_frame(scene, frame, width=317).size for frame in (0, 20, 40)}
         assert len(sizes) == 1
         (width, height) = sizes.pop()
         assert (width, height % 2) == (316, 0)
@@ -145,7 +146,7 @@ def test_the_mark_in_the_chart_moves_with_the_frames() -> None:
     top = MARGIN + LINE + len(stage(crossing(), 0)) + LINE + 4
 
     def mark(frame: int) -> int:
-        chart = np.asarray(picture(crossing(), frame, width=WIDE))[top : top + CHART]
+        chart = np.asarray(render_frame(crossing(), frame, width=WIDE))[top : top + CHART]
         return int(chart.astype(int).sum((0, 2)).argmin())  # the darkest column
 
     first, half, last = map(mark, (0, 20, 40))
@@ -154,7 +155,7 @@ def test_the_mark_in_the_chart_moves_with_the_frames() -> None:
     assert first < WIDE / 4
 
 
-def test_a_cube_that_moves_in_x_moves_in_the_picture() -> None:
+def test_a_cube_that_moves_in_x_moves_in_the_frame() -> None:
     scales = {"scale": np.array([[0.8, 1.2]])}
     apart = [bodies((0, 0, 0.005), (x, 0, 0.005), **scales) for x in (0.02, 0.04)]
     whole = Scene(
@@ -249,32 +250,32 @@ def test_hidden_cubes_are_not_drawn() -> None:
 def test_any_text_is_drawn_and_stays_on_the_paper(text: str) -> None:
     scene = crossing(
         title=text,
-        palette=(text, text),
+        palette=tints(text, text),
         captions=(text,) * FRAMES,
         shapes=(Shape("circle", 0.8, text),),
         words=(text,),
         said=np.zeros((FRAMES, 1), int),
         series={text: np.zeros((FRAMES, 1)), text + "2": np.zeros((FRAMES, 2))},
     )
-    sizes = {picture(each, 0, width=WIDE).size for each in (scene, crossing(title=text))}
+    sizes = {render_frame(each, 0, width=WIDE).size for each in (scene, crossing(title=text))}
     assert {width for width, _ in sizes} == {WIDE}
     cubes = bodies(
         (0, 0, 0), shapes=(Shape("cube", 0.005, text),), words=(text,), said=np.zeros((1, 1), int)
     )
-    assert picture(cubes, 0, width=WIDE).width == WIDE
+    assert render_frame(cubes, 0, width=WIDE).width == WIDE
 
 
 @given(text=st.text(st.characters(), max_size=60), room=st.floats(20, 300))
 def test_a_text_is_cut_to_its_room_and_only_then(text: str, room: float) -> None:
-    shown = fitted(text, 12.0, room)
-    assert measure(shown, 12.0) <= room
-    assert shown.endswith("…") or measure(text, 12.0) <= room
+    shown = truncate(text, 12.0, room)
+    assert text_width(shown, 12.0) <= room
+    assert shown.endswith("…") or text_width(text, 12.0) <= room
     Canvas(20, 20).text((10, 10), text, 12.0, "#000000", halo=True)
 
 
 def test_there_is_a_clear_error_where_nothing_can_be_drawn() -> None:
     for frame in (-1, FRAMES):
         with pytest.raises(EthogramError, match=f"'crossing' has no frame {frame}"):
-            picture(crossing(), frame)
+            render_frame(crossing(), frame)
     with pytest.raises(EthogramError, match="20 pixels wide is too narrow: 100 or more"):
-        picture(crossing(), 0, width=20)
+        render_frame(crossing(), 0, width=20)

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ethogram.core.findings import Claim, Revision, Side, Verdict
+from ethogram.core.findings import Claim, ClaimPart, Revision, Side, Verdict
 from ethogram.studies.statistics.effects import LEAST_P, Effect, estimate
 from ethogram.studies.statistics.intervals import Interval
 from ethogram.studies.statistics.needs import Need, shortage
@@ -272,6 +272,30 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected | 
         interval=interval,
         p_value=None if corrected is None else corrected.p_value,
         note="; ".join(filter(None, [spec.withheld, lack, rests, decisive.note, leans, more])),
+        parts=_told_apart(spec, parts, each),
+    )
+
+
+def _told_apart(spec: ClaimSpec, tested: Sequence[_Tested], each: float) -> tuple[ClaimPart, ...]:
+    """Every part of a claim that has several, in its order; the tested ones with intervals."""
+    left = iter(tested)
+    found = [_Tested(part) if part.missing else next(left) for part in spec.parts]
+    if len(found) == 1:
+        return ()
+    return tuple(_claim_part(one, one.interval(each, each)) for one in found)
+
+
+def _claim_part(one: _Tested, interval: Interval) -> ClaimPart:
+    missing = f"not run: {'; '.join(one.part.missing)}" if one.part.missing else ""
+    return ClaimPart(
+        compared=one.part.label,
+        effect=None if one.effect is None else one.effect.mean,
+        low=interval.low,
+        high=interval.high,
+        unit=one.part.unit,
+        side=one.part.side,
+        margin=float(one.part.margin),
+        note=missing or one.note,
     )
 
 
@@ -338,6 +362,7 @@ def _claim(
     interval: Interval = NO_INTERVAL,
     p_value: float | None = None,
     note: str,
+    parts: tuple[ClaimPart, ...] = (),
 ) -> Claim:
     return Claim(
         number=spec.number,
@@ -357,4 +382,5 @@ def _claim(
         stated=spec.stated,
         history=spec.history,
         depends_on=spec.depends_on,
+        parts=parts,
     )

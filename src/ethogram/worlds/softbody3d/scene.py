@@ -6,12 +6,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint
 from ethogram.physics.beams3d import State
 
 FRAME_SECONDS = 0.05  # at normal speed: slow motion
 CHANGED = 0.02  # of the edge at rest: from here on a voxel counts as contracted or expanded
-PALETTE = ("contracted", "at rest", "expanded")
+PALETTE = tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS))
 MILLIMETRES = 1000.0
 MOST_STEPS = 200  # of an episode, that are shown after its start
 
