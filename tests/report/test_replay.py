@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from tests.report.player import FRAMES, crossing
+from tests.report.player import FRAMES, crossing, driving
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Shape
@@ -41,6 +41,35 @@ def test_a_shape_far_away_takes_no_precision_from_the_others(far: float) -> None
         np.testing.assert_allclose(seen[7, 1], far, rtol=1e-4)
     else:
         assert np.isnan(seen[7, 1]).all()
+
+
+def test_a_vertex_far_away_takes_no_precision_from_the_others_and_padding_is_no_number() -> None:
+    scene = driving()
+    assert scene.vertices is not None
+    form = scene.vertices.copy()
+    form[7, 1, 2, 0] = 1e9
+    (plain,) = json.loads(encode_replays([Replay(name="case", scene=driving(vertices=form))]))
+    seen = decoded(plain["arrays"]["vertices"], FRAMES).reshape(form.shape)
+    np.testing.assert_array_equal(np.isnan(seen), np.isnan(form))
+    near = np.delete(seen[:, 1, :4].reshape(FRAMES, 8), 4, 1)
+    wanted = np.delete(form[:, 1, :4].reshape(FRAMES, 8), 4, 1)
+    np.testing.assert_allclose(near, wanted, atol=2 / STEPS)
+    assert plain["vertices"] == form.shape[2]
+    assert plain["background"] == [["line", [[0.0, 6.0], [16.0, 6.0]], 2, 2.0]]
+
+
+def test_a_shape_of_which_nothing_can_be_drawn_is_hidden() -> None:
+    scene = driving()
+    assert scene.vertices is not None
+    form, position = scene.vertices.copy(), scene.position.copy()
+    form[3, 1, 2:] = np.nan  # two vertices are left
+    position[5, 0, 1] = np.inf
+    lost = driving(vertices=form, position=position)
+    (plain,) = json.loads(encode_replays([Replay(name="case", scene=lost)]))
+    steps = np.frombuffer(gzip.decompress(base64.b64decode(plain["arrays"]["tint"]["data"])), "<i2")
+    tint = np.cumsum(steps.reshape(FRAMES, 2), axis=0)
+    hidden = [tuple(each) for each in np.argwhere(tint < 0)]
+    assert hidden == [(3, 1), (5, 0)]
 
 
 def test_what_does_not_fit_loses_frames_evenly_and_what_does_keeps_them_all() -> None:

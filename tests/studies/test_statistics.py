@@ -460,6 +460,10 @@ def test_a_claim_run_in_part_can_be_refuted_and_not_confirmed(mean, expected, no
     claim, alone = verdict(elsewhere, here), verdict(here)
     assert alone.verdict != "undecided"
     assert claim == dataclasses.replace(alone, verdict=expected, note=note, parts=claim.parts)
+    missing, tested = claim.parts
+    assert (missing.effect, missing.low, missing.note) == (None, None, "not run: elsewhere")
+    assert (tested.compared, tested.effect, tested.note) == ("here", alone.effect, "")
+    assert alone.parts == ()
 
 
 def test_a_claim_run_in_part_shows_the_weakest_part_and_counts_what_was_not_run():
@@ -647,8 +651,9 @@ def test_a_part_that_was_not_run_takes_away_a_confirmation_and_nothing_else(fami
     partly = judge([spec(*one, absent, number=n) for n, one in enumerate(family)])
     for one, other in zip(whole, partly, strict=True):
         expected = "undecided" if one.verdict == "confirmed" else one.verdict
-        told = {"note": other.note, "parts": other.parts}
-        assert other == dataclasses.replace(one, verdict=expected, **told)
+        assert other == dataclasses.replace(
+            one, verdict=expected, note=other.note, parts=other.parts
+        )
         assert ("not run: elsewhere" in other.note) == (expected == "undecided")
 
 

@@ -102,10 +102,11 @@ class Shape:
         _check_kind("shape", self.kind, get_args(Kind))
         if not _is_finite(self.size):
             raise EthogramError(f"A shape has size {self.size!r}; allowed: a finite number.")
-        if self.vertices != () and self.kind != "polygon":
+        if isinstance(self.vertices, tuple) and not self.vertices:
+            return
+        if self.kind != "polygon":
             raise EthogramError(f"A {self.kind} has vertices; allowed: of a polygon.")
-        if self.vertices != ():
-            _check_vertices("polygon", self.vertices)
+        _check_vertices("polygon", self.vertices)
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,12 @@ class BackgroundShape:
     vertices: tuple[Point, ...]
     tint: int  # entry of the palette
     width: float = 0.0  # of a line, in the units of the positions; 0 = as thin as can be seen
+
+    def __post_init__(self) -> None:
+        _check_kind("background", self.kind, get_args(BackgroundKind))
+        _check_vertices(self.kind, self.vertices)
+        if not (_is_finite(self.width) and self.width >= 0):
+            raise EthogramError(f"A background has width {self.width!r}; allowed: 0 or more.")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,15 +1,37 @@
 """Single frames: what the scene says is where it says, whatever it says."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.report.player import BLUE, FRAMES, HEIGHT, HOSTILE, RED, WIDTH, crossing
+from tests.report.player import (
+    BLUE,
+    FRAMES,
+    HEIGHT,
+    HOSTILE,
+    RED,
+    WIDTH,
+    centre,
+    crossing,
+    driving,
+    extent,
+)
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint, tints
-from ethogram.report.render.canvas import Canvas, text_width, truncate
-from ethogram.report.render.frames import CHART, LINE, MARGIN, render_frame
+from ethogram.core.scene import (
+    COLOURS,
+    DEFAULT_COLOURS,
+    GRADED_COLOURS,
+    Scene,
+    Shape,
+    Tint,
+    tints,
+)
+from ethogram.report.render.canvas import Canvas, letter_colour, text_width, truncate
+from ethogram.report.render.frames import CHART, LINE, MARGIN, render_frame, render_svg
+from ethogram.report.replay import subsample
 
 WIDE = 320
 GRADED = tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS))
@@ -102,6 +124,109 @@ def test_squares_are_of_their_legends_colour_and_rings_are_empty() -> None:
     np.testing.assert_array_equal(square[inside], BLUE)
     np.testing.assert_array_equal(ring[inside], 255)
     assert len(where(ring, BLUE)) > 0
+
+
+@pytest.mark.parametrize(("frame", "wide", "high"), [(0, 3, 1), (FRAMES - 1, 1, 3)])
+def test_a_polygon_is_where_it_is_and_turned_by_its_heading(
+    frame: int, wide: float, high: float
+) -> None:
+    pixels = stage(driving(), frame, width=640)
+    assert centre(pixels, BLUE) == pytest.approx((4 / WIDTH, 1 - 6 / HEIGHT), abs=0.01)
+    assert extent(pixels, BLUE) == pytest.approx((wide, high), abs=0.15)
+
+
+def test_a_polygon_turns_from_the_x_axis_towards_the_y_axis() -> None:
+    heading = np.full((FRAMES, 2), np.pi / 4)
+    rows, columns = where(stage(driving(heading=heading), 0, width=640), BLUE).T
+    assert np.corrcoef(rows, columns)[0, 1] < -0.5  # up to the right
+
+
+def test_a_polygon_takes_the_form_of_the_frame_in_the_size_that_it_has() -> None:
+    form = [extent(stage(driving(), frame, width=640), RED) for frame in (0, 20, FRAMES - 1)]
+    np.testing.assert_allclose(form, [(3, 3), (3, 1.8), (3, 0.6)], atol=0.15)
+    half = driving(scale=np.full((FRAMES, 2), 0.5))
+    assert extent(stage(half, 0, width=640), RED) == pytest.approx((1.5, 1.5), abs=0.15)
+
+
+def test_a_background_lies_under_everything_in_the_colour_of_its_tint() -> None:
+    pixels = stage(driving(), 0, width=640)
+    scale = pixels.shape[1] / WIDTH
+    row = pixels[round((HEIGHT - 6) * scale)]
+    assert tuple(row[round(4 * scale)]) == BLUE
+    assert tuple(row[round(9 * scale)]) == GREY
+    lane = pixels[:, round(9 * scale)]
+    assert (lane == GREY).all(1).sum() == pytest.approx(2 * scale, abs=2)
+    bare = stage(driving(background=()), 0, width=640)
+    assert (bare[round((HEIGHT - 6) * scale), round(9 * scale)] == 255).all()
+
+
+def test_the_drawing_of_a_frame_has_its_polygons_and_its_background() -> None:
+    scene = driving()
+    for frame in (0, 20):
+        drawn = render_svg(scene, frame)
+        road, body = drawn.index('stroke="#bdbab1"'), drawn.index('fill="#d55e00"')
+        assert drawn.index('fill="#0072b2"') > road
+        assert body > road
+        assert not re.search(r"\bnan\b", drawn)
+    assert render_svg(scene, 0) != render_svg(scene, 20)
+
+
+@pytest.mark.parametrize("kind", ["circle", "ring", "square"])
+def test_any_other_shape_has_a_mark_in_the_direction_of_its_heading(kind: str) -> None:
+    angle = np.linspace(0, 1.5 * np.pi, FRAMES)[:, None]
+    position = np.full((FRAMES, 1, 2), 4.5)
+    cast = {"shapes": (Shape(kind, 1.0),), "position": position, "tint": np.zeros((FRAMES, 1), int)}
+    plain = stage(crossing(**cast), 0, width=640)
+    scene = crossing(heading=angle, **cast)
+    for frame, (across, up) in ((0, (1, 0)), (FRAMES - 1, (0, -1))):
+        marked = np.argwhere((stage(scene, frame, width=640) != plain).any(2))
+        y, x = marked.mean(0) * WIDTH / plain.shape[1]
+        assert (x - 4.5, HEIGHT - 4.5 - y) == pytest.approx((1.25 * across, 1.25 * up), abs=0.2)
+    lost = crossing(heading=np.full((FRAMES, 1), np.nan), **cast)
+    np.testing.assert_array_equal(stage(lost, 0, width=640), plain)
+
+
+def test_a_single_frame_has_no_chart_and_else_all_that_the_first_of_many_has() -> None:
+    many = driving(series={"way": np.zeros((FRAMES, 1))})
+    one = subsample(many, FRAMES)
+    assert len(one.tint) == 1
+    first, alone = (np.asarray(render_frame(scene, 0, width=WIDE)) for scene in (many, one))
+    assert len(first) - len(alone) == CHART
+    np.testing.assert_array_equal(stage(many, 0), stage(one, 0))
+    assert render_svg(one, 0) == render_svg(many, 0)
+
+
+def test_letters_on_a_colour_can_be_read() -> None:
+    assert {letter_colour(colour) for colour in DEFAULT_COLOURS} == {"#ffffff"}
+    assert letter_colour(COLOURS["silver"]) == letter_colour("#ffff00") == "#1d1d1b"
+
+
+def test_lines_to_words_do_not_cross_the_numbers_of_those_above() -> None:
+    def crowd(words: tuple[str, ...]) -> np.ndarray:
+        """A column of three of which the lowest one speaks, with no room beside it."""
+        y = np.array([0.5, 1.5, 2.5, 0.5, 0.5])
+        x = np.array([8.0, 8.0, 8.0, 7.0, 9.0])
+        return stage(
+            crossing(
+                shapes=tuple(Shape("circle", 0.45, str(agent)) for agent in range(5)),
+                position=np.tile(np.stack([x, y], 1), (FRAMES, 1, 1)),
+                tint=np.zeros((FRAMES, 5), int),
+                words=words,
+                said=np.tile([0, -1, -1, -1, -1], (FRAMES, 1)),
+            ),
+            0,
+            width=640,
+        )
+
+    quiet, loud = crowd(("",)), crowd(("a rather long thing to say at all",))
+    scale = quiet.shape[1] / WIDTH
+    changed = (quiet != loud).any(2)
+    gap = round((HEIGHT - 1.97) * scale) - 1, round(8 * scale)
+    assert changed[gap[0] - 2 : gap[0] + 3, gap[1] - 2 : gap[1] + 3].any()  # there is a line
+    for y in (1.5, 2.5):
+        middle = round((HEIGHT - y) * scale), round(8 * scale)
+        near = tuple(slice(at - 8, at + 8) for at in middle)
+        assert not changed[near].any()
 
 
 def test_a_scene_that_is_not_finite_somewhere_shows_the_rest() -> None:

@@ -117,7 +117,7 @@ def _write_legend(sheet: Canvas | SvgCanvas, legend: list[list[LegendEntry]], y:
 def _write_caption(sheet: Canvas, scene: Scene, frame: int, y: float) -> None:
     """The caption, and at the right for how long of how many seconds the scene has been shown."""
     last, seconds = len(scene.tint) - 1, scene.frame_seconds
-    clock = f"{frame * seconds:.1f} of {last * seconds:.1f} s"
+    clock = f"{frame * seconds:.1f} of {last * seconds:.1f} s" if last else ""
     room = sheet.width - 3 * MARGIN - text_width(clock, SMALL)
     sheet.text((sheet.width - MARGIN, y), clock, SMALL, MUTED, anchor="rm")
     caption = truncate(scene.captions[frame], TEXT, max(room, 0.0))

@@ -30,30 +30,30 @@ class Label(NamedTuple):
         return Box(self.x - wide, self.y - high, self.x + wide, self.y + high)
 
 
-def label_of(shape: Shape, place: Float[np.ndarray, "3"], width: int) -> Label | None:
+def label_of(shape: Shape, place: Float[np.ndarray, "4"], width: int) -> Label | None:
     """Where the label of a shape stands; None where it has none.
 
     A square's is below it: above are words, and what stands on the square.
 
     Args:
         shape: whose label it is.
-        place: x, y and radius of the shape (pixels).
+        place: x, y, radius and inner radius of the shape (pixels).
         width: of the canvas.
 
     """
     if not shape.label:
         return None
-    x, y, radius = place.tolist()
+    x, y, radius, inner = place.tolist()
     size = max(SMALLEST, min(LARGEST, width * RELATIVE))
-    room = {"circle": 2 * radius, "polygon": radius}.get(shape.kind, 0.0)
-    inside = text_width(shape.label, size) < room
+    room = 2 * inner if shape.kind == "circle" or 2 * inner > size else 0.0
+    inside = shape.kind in ("circle", "polygon") and text_width(shape.label, size) < room
     if not inside and shape.kind != "text":
         y += radius + CLEAR if shape.kind == "square" else -radius - CLEAR
     return Label(truncate(shape.label, size, width), x, y, size, inside)
 
 
 def draw_label(
-    canvas: Canvas | SvgCanvas, scene: Scene, frame: int, shape: int, place: Float[np.ndarray, "3"]
+    canvas: Canvas | SvgCanvas, scene: Scene, frame: int, shape: int, place: Float[np.ndarray, "4"]
 ) -> None:
     """Write a shape's label, if it has one."""
     label = label_of(scene.shapes[shape], place, canvas.width)

@@ -65,20 +65,26 @@ def _view(canvas: Canvas | SvgCanvas, scene: Scene) -> View:
     )
 
 
-def _places(view: View, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
-    """X, y and radius of the shapes (pixels), a polygon's as far as its furthest vertex."""
-    sizes = np.array([_radius(scene, frame, shape) for shape in range(len(scene.shapes))], float)
+def _places(view: View, scene: Scene, frame: int) -> Float[np.ndarray, "shape 4"]:
+    """X, y, radius and inner radius of the shapes (pixels).
+
+    A polygon's radius is that of its furthest vertex; its inner one half of its lesser extent.
+    """
+    sizes = np.array([_radii(scene, frame, shape) for shape in range(len(scene.shapes))], float)
+    sizes = view.scale * sizes.reshape(-1, 2)
     if scene.scale is not None:
-        sizes = sizes * scene.scale[frame]
-    return np.column_stack([view.project(scene.position[frame]), view.scale * sizes])
+        sizes = sizes * scene.scale[frame, :, None]
+    return np.column_stack([view.project(scene.position[frame]), sizes])
 
 
-def _radius(scene: Scene, frame: int, shape: int) -> float:
-    """Before it is scaled, in units of the positions."""
+def _radii(scene: Scene, frame: int, shape: int) -> tuple[float, float]:
+    """Before they are scaled, in units of the positions."""
     size = scene.shapes[shape].size
     if scene.shapes[shape].kind != "polygon":
-        return size
-    return size * float(np.linalg.norm(_vertices(scene, frame, shape), axis=1).max(initial=0.0))
+        return size, size
+    vertices = size * _vertices(scene, frame, shape)
+    extents = np.abs(vertices).max(0, initial=0.0)
+    return float(np.linalg.norm(vertices, axis=1).max(initial=0.0)), float(extents.min())
 
 
 def _vertices(scene: Scene, frame: int, shape: int) -> Float[np.ndarray, "vertex 2"]:
@@ -117,10 +123,10 @@ def _draw_shape(
     scene: Scene,
     frame: int,
     shape: int,
-    place: Float[np.ndarray, "3"],
+    place: Float[np.ndarray, "4"],
 ) -> None:
     """A rim of paper lets circles and polygons be seen beside others of their colour."""
-    x, y, radius = place.tolist()
+    x, y, radius, _ = place.tolist()
     colour = scene.palette[scene.tint[frame, shape]].colour
     kind = scene.shapes[shape].kind
     if kind == "polygon":
@@ -140,7 +146,7 @@ def _draw_shape(
 
 
 def _heading_mark(
-    place: Float[np.ndarray, "3"], angle: float, *, square: bool
+    place: Float[np.ndarray, "4"], angle: float, *, square: bool
 ) -> Float[np.ndarray, "end 2"]:
     """The ends of a mark that begins at the edge of a circle or of a square (pixels)."""
     ahead = np.array([math.cos(angle), -math.sin(angle)])

@@ -81,7 +81,8 @@ def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> None:
     colours = _colours(scene, frame)
     for shape in sorted(shown, key=lambda shape: -away[shape]):
         _draw_cube(canvas, view, corners[shape], NORMALS @ turn[shape].T, colours[shape])
-    places = np.column_stack([view.project(position)[:, :2], view.scale * half])
+    radius = view.scale * half
+    places = np.column_stack([view.project(position)[:, :2], radius, radius])
     for shape in shown:
         draw_label(canvas, scene, frame, shape, places[shape])
     bubbles = speech_bubbles(canvas, scene, frame, places)

@@ -66,7 +66,7 @@ def speech_bubbles(
     canvas: Canvas | SvgCanvas,
     scene: Scene,
     frame: int,
-    places: Float[np.ndarray, "shape 3"],
+    places: Float[np.ndarray, "shape 4"],
     labels: Sequence[Box] = (),
 ) -> list[Bubble]:
     """The bubbles of a frame.
@@ -75,7 +75,7 @@ def speech_bubbles(
         canvas: on which they are to be drawn.
         scene: what is said, and by whom.
         frame: which.
-        places: x, y and radius of every shape.
+        places: x, y, radius and inner radius of every shape.
         labels: which may not be hidden.
 
     """
@@ -90,7 +90,7 @@ def speech_bubbles(
     ]
     words = [_words(scene, frame, shape, canvas.width) for shape in heard]
     speakers = [
-        Speaker._make((*places[shape].tolist(), _width(text)))
+        Speaker._make((*places[shape, :3].tolist(), _width(text)))
         for shape, text in zip(heard, words, strict=True)
     ]
     found = place_bubbles(speakers, canvas.width, canvas.height, labels)

@@ -45,15 +45,16 @@ function planeStage(canvas, theme) {
     const angle = arrays.heading && kind !== "text" ? moment.heading(shape) : NaN;
     const [, colour, letters] = scene.palette[tint], [px, py] = place(x, y);
     const found = { shape, kind, label, colour, letters, angle, x: px, y: py };
-    if (kind !== "polygon") return { ...found, radius: unit * grown };
+    if (kind !== "polygon") return { ...found, radius: unit * grown, inner: unit * grown };
     const vertices = own ?? Array.from({ length: scene.vertices }, (_, vertex) => [0, 1].map(axis =>
       between(arrays.vertices, 2 * scene.vertices, shape, 2 * vertex + axis)));
     const known = vertices.filter(([dx, dy]) => Number.isFinite(dx + dy));
     const cos = arrays.heading ? Math.cos(angle) : 1, sin = arrays.heading ? Math.sin(angle) : 0;
     const corners = known.map(([dx, dy]) =>
       place(x + grown * (cos * dx - sin * dy), y + grown * (sin * dx + cos * dy)));
-    return { ...found, corners,
-      radius: unit * grown * Math.max(0, ...known.map(([dx, dy]) => Math.hypot(dx, dy))) };
+    const furthest = of => unit * grown * Math.max(0, ...known.map(of));
+    return { ...found, corners, radius: furthest(([dx, dy]) => Math.hypot(dx, dy)),
+      inner: Math.min(furthest(([dx]) => Math.abs(dx)), furthest(([, dy]) => Math.abs(dy))) };
   }
 
   function path(pen, points) {
@@ -118,12 +119,14 @@ function planeStage(canvas, theme) {
 
   // Where a label stands: within a shape where there is room, else above it. A square's is below
   // it: above stand words, and what is on the square.
-  function labelOf(pen, { kind, label, x, y, radius }) {
+  function labelOf(pen, { kind, label, x, y, radius, inner }, high) {
     const wide = pen.measureText(label).width;
-    const room = kind === "circle" ? 2 * radius : kind === "polygon" ? radius : 0;
-    const inside = wide < room;
+    const room = kind === "circle" || 2 * inner > high ? 2 * inner : 0;
+    const inside = ["circle", "polygon"].includes(kind) && wide < room;
     const away = inside || kind === "text" ? 0 : kind === "square" ? radius + CLEAR : -radius - CLEAR;
-    return { inside, x, y: y + away, box: [x - wide / 2, y + away - 6, x + wide / 2, y + away + 6] };
+    const middle = y + away;
+    const box = [x - wide / 2, middle - high / 2, x + wide / 2, middle + high / 2];
+    return { inside, x, y: middle, box };
   }
 
   function drawLabel(pen, { label, letters }, where) {
@@ -211,14 +214,14 @@ function planeStage(canvas, theme) {
     draw(frame, share) {
       const field = fit(), { pen, width } = field;
       const moment = momentOf(frame, frame + 1 < scene.frames ? share : 0);
-      const letters = `${Math.max(10, Math.min(13, width / 50))}px sans-serif`;
+      const high = Math.max(10, Math.min(13, width / 50)), letters = `${high}px sans-serif`;
       const all = scene.shapes.map((_, shape) => shapeAt(shape, moment, field));
       const shown = all.filter(each => each !== null);
       pen.textAlign = "center";
       pen.textBaseline = "middle";
       pen.font = letters;
       const labels = new Map(shown.filter(each => each.label).map(
-        each => [each, labelOf(pen, each)]));
+        each => [each, labelOf(pen, each, high)]));
       const outside = [...labels.values()].filter(each => !each.inside).map(each => each.box);
       pen.font = WORD;
       const words = arrays.said ? placeWords(pen, field, shown, outside, moment.first) : [];
