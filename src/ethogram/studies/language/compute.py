@@ -122,13 +122,13 @@ def _train(
     learned = trial.learned
     try:
         for stage, start, end in ((Playing(learner), 0, begins), (learner, begins, planned)):
-            learned = train(
+            learned, _ = train(
                 stage,
                 key,
-                learned,
                 end,
-                after_chunk=after_chunk,
+                state=learned,
                 start=max(start, trial.played),
+                after_chunk=after_chunk,
             )
     except Diverged as error:
         raise Diverged(f"Trial {len(finished)}: {error}") from error

@@ -232,13 +232,8 @@ def _train(
         context.progress(done, settings.episodes)
         context.checkpoint(lambda: to_arrays(learned) | {"curve": curve})
 
-    learned = train(
-        learner,
-        keys,
-        learned,
-        settings.episodes,
-        after_chunk=after_chunk,
-        start=len(curve),
+    learned, _ = train(
+        learner, keys, settings.episodes, state=learned, start=len(curve), after_chunk=after_chunk
     )
     return learned, curve
 

@@ -156,13 +156,13 @@ def _evolve(
             lambda: to_arrays(population) | {f"curve.{name}": c for name, c in curves.items()}
         )
 
-    population = train(
+    population, _ = train(
         learner,
         fold_in(keys, 1),
-        population,
         settings.generations,
-        after_chunk=after_chunk,
+        state=population,
         start=len(curves["best"]) - 1,
+        after_chunk=after_chunk,
     )
     return population, curves
 

@@ -108,13 +108,8 @@ def _train(
             lambda: to_arrays(learned) | {f"sum.{name}": total for name, total in sums.items()}
         )
 
-    learned = train(
-        learner,
-        keys,
-        learned,
-        settings.episodes,
-        after_chunk=after_chunk,
-        start=start,
+    learned, _ = train(
+        learner, keys, settings.episodes, state=learned, start=start, after_chunk=after_chunk
     )
     episodes = np.bincount(np.arange(settings.episodes) // settings.record_every)
     return learned, {name: total / episodes[:, None] for name, total in sums.items()}
