@@ -28,6 +28,7 @@ class Sphere(eqx.Module):
     deterministic: bool = eqx.field(static=True, default=True)
 
     def __call__(self, key, genomes):
+        del key
         fitness = -(genomes**2).sum(-1)
         return Evaluation(fitness, jnp.zeros(fitness.shape, bool))
 
