@@ -2,7 +2,8 @@
 
 Reading and writing entries of a vector becomes, in a batch, that of a matrix, which XLA on a CPU
 does some twenty times as slowly.  `take`, `put` and `add` read and write a batch as the one long
-vector that it is in memory.  Indices are never negative; what is written beyond the end is dropped.
+vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never negative; what
+is written beyond the end is dropped.
 
 A condition or a loop becomes, in a batch, all branches and a choice between all that they return.
 With `in_any_copy` it is asked once for the whole batch.
@@ -22,8 +23,8 @@ from jaxtyping import Bool, Int, Shaped
 
 
 @custom_vmap
-def take(values: Shaped[Array, "entry"], index: Int[Array, "*at"]) -> Shaped[Array, "*at"]:
-    """The entries at these places, all of which there must be."""
+def take(values: Shaped[Array, "entry *row"], index: Int[Array, "*at"]) -> Shaped[Array, "..."]:
+    """The entries, or rows, at these places, all of which there must be."""
     return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
@@ -50,12 +51,12 @@ def _take_in_batch(
     if not batched[0]:
         return take(values, index), True
     index = index if batched[1] else jnp.broadcast_to(index, (size, *index.shape))
-    return take(values.reshape(-1), index + _first(index, values)), True
+    return take(values.reshape(-1, *values.shape[2:]), index + _first(index, values)), True
 
 
 def _first(index: Array, values: Array) -> Array:
     """Where each vector of a batch begins, in the shape of an index."""
-    size, length = values.shape
+    size, length = values.shape[:2]
     return (jnp.arange(size) * length).reshape(size, *[1] * (index.ndim - 1))
 
 

@@ -75,8 +75,8 @@ class Learner(Protocol):
 class Trials(Module):
     """Independent trials of a learner, with the interface of a learner.
 
-    Keys, states, metrics, observations and actions have the trials as their leading axis.  A trial's
-    numbers depend on its own key alone.
+    Keys, states, metrics, observations and actions have the trials as their leading axis.  The
+    numbers of a trial depend on its own key alone.
     """
 
     learner: Learner
