@@ -11,6 +11,7 @@ from jaxtyping import install_import_hook
 ARRAYS = (
     "ethogram.core.keys",
     "ethogram.core.rollout",
+    "ethogram.core.wrappers",
     "ethogram.learners",
     "ethogram.physics",
     "ethogram.worlds",

@@ -1,17 +1,19 @@
 """What every registered learner promises, in small worlds that suit it."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
 from tests.learners.toys import Choir, Duet
 
 from ethogram.core.errors import TooLarge
 from ethogram.core.keys import trial_keys
+from ethogram.core.search_space import SearchSpace
 from ethogram.learners import LEARNERS
 from ethogram.learners.dynamic_programming import MonteCarloControl
-from ethogram.learners.evolution import AgeFitness, Evaluated, Genes
-from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
+from ethogram.learners.evolution import AgeFitness, Evaluation
 from ethogram.learners.maddpg import MADDPG, Playing
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
@@ -22,13 +24,17 @@ PAY = (1.0, 2.0, 6.0, 8.0)
 ODD = (jnp.nan, jnp.inf, -jnp.inf, 1e38, -1e38, 0.0)
 
 
-def sphere(genomes):
-    fitness = -(genomes**2).sum(-1)
-    return Evaluated(fitness, jnp.zeros(fitness.shape, bool))
+class Sphere(eqx.Module):
+    deterministic: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, key, genomes):
+        del key
+        fitness = -(genomes**2).sum(-1)
+        return Evaluation(fitness, jnp.zeros(fitness.shape, bool))
 
 
 def age_fitness(size=4):
-    return AgeFitness(Genes(*np.array([[-1.0], [1.0], [-1.0], [1.0]])), sphere, size)
+    return AgeFitness(SearchSpace(*np.array([[-1.0], [1.0], [-1.0], [1.0]])), Sphere(), size)
 
 
 def made(name, pay=PAY):
@@ -36,8 +42,8 @@ def made(name, pay=PAY):
     small = {"batch": 4, "episodes": 2, "memory": 64, "hidden": 3}
     match name:
         case "age_fitness":
-            learner, keys = age_fitness(), trial_keys(0, "contract", 2)
-            return learner, keys, learner.init(keys)[0]
+            learner = age_fitness()
+            return learner, KEY, learner.init(KEY)
         case "maddpg":
             learner = MADDPG(Duet(pay[0]), **small)
             return learner, KEY, learner.init(KEY)
@@ -130,7 +136,7 @@ def test_what_does_not_fit_is_refused_with_its_size_before_it_is_allocated(monke
     monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: 8_000_000_000)
     with pytest.raises(TooLarge, match=r"MADDPG with 14\.2 GB of networks and a replay memory of"):
         MADDPG(Sharing()).init(KEY)
-    with pytest.raises(TooLarge, match=r"Evolution in 2 runs of 100,000 individuals .* needs"):
-        age_fitness(100_000).init(trial_keys(0, "contract", 2))
+    with pytest.raises(TooLarge, match=r"Evolution of 100,000 individuals .* needs"):
+        age_fitness(100_000).init(KEY)
     with pytest.raises(TooLarge, match=r"Q-learning with 1000 trials .* needs"):
         QLearning(Sharing(), trials=1000).init()

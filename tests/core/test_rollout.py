@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from ethogram.core.actions import InvalidAction
-from ethogram.core.checked import Checked
 from ethogram.core.rollout import rollout
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, Role, World
+from ethogram.core.wrappers import Checked
 
 
 class Counter(World):

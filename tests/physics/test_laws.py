@@ -21,9 +21,9 @@ from ethogram.physics.beams3d import (
     lattice,
     sensed_scale,
     stack,
-    step,
 )
 from ethogram.physics.beams3d.bonds import bond_forces
+from ethogram.physics.beams3d.motion import step
 
 VOXEL = [(0, 0, 0)]
 ELL = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
@@ -41,14 +41,14 @@ def body(cells: list[tuple[int, int, int]]) -> Lattice:
 
 
 class Wave(NamedTuple):
-    """Edges at rest, in edges: mean + swing sin(0.0358 k + phase) at step k."""
+    """Edges at rest, in edges: mean + amplitude sin(0.0358 k + phase) at step k."""
 
     mean: Any = 1.0
-    swing: Any = 0.0
+    amplitude: Any = 0.0
     phase: Any = 0.0
 
     def edge(self, material: Material, k: Array, like: Array) -> Array:
-        scale = self.mean + self.swing * jnp.sin(0.0358 * k + self.phase)
+        scale = self.mean + self.amplitude * jnp.sin(0.0358 * k + self.phase)
         return jnp.broadcast_to(material.edge * scale, like.shape)
 
 
@@ -94,7 +94,7 @@ def sixty_four_bits() -> Any:
 
 
 def swinging(shape: Lattice) -> Wave:
-    return Wave(swing=0.1, phase=jnp.arange(shape.voxels) * 1.3)
+    return Wave(amplitude=0.1, phase=jnp.arange(shape.voxels) * 1.3)
 
 
 def test_bonds_alone_neither_make_nor_take_momentum() -> None:
@@ -187,7 +187,7 @@ def test_distances_have_the_gradient_that_differences_show() -> None:
     shape = body(WORM)
 
     def gone(phase: Float[Array, "voxel"]) -> Float[Array, ""]:
-        wave = Wave(swing=0.1, phase=phase)
+        wave = Wave(amplitude=0.1, phase=phase)
 
         def advance(state: State, k: Array) -> tuple[State, None]:
             edge = wave.edge(Material(), k, state.edge)
@@ -216,8 +216,8 @@ def test_a_robot_that_breaks_is_flagged_and_harms_no_other() -> None:
 
     for unsound in (jnp.nan, -0.99):  # the second leaves a bond 0.05 mm: a strain of 199
         sound, broken = run(1.01), run(unsound)
-        np.testing.assert_array_equal(sound.broken, [False, False, False])
-        np.testing.assert_array_equal(broken.broken, [False, True, False])
+        np.testing.assert_array_equal(sound.diverged, [False, False, False])
+        np.testing.assert_array_equal(broken.diverged, [False, True, False])
         for robot in (0, 2):
             np.testing.assert_array_equal(broken.position[..., robot], sound.position[..., robot])
 
@@ -228,7 +228,7 @@ def test_a_batch_along_the_last_axis_is_each_robot_alone_and_so_is_vmap() -> Non
 
     def alone(phase: Array, batch: tuple[int, ...]) -> Array:
         start = at_rest(shape, Material(), batch)
-        return after(shape, Material(), start, 60, wave=Wave(swing=0.1, phase=phase)).position
+        return after(shape, Material(), start, 60, wave=Wave(amplitude=0.1, phase=phase)).position
 
     together = alone(phase, (3,))
     mapped = jax.vmap(lambda phase: alone(phase, ()), in_axes=-1, out_axes=-1)(phase)

@@ -2,14 +2,20 @@
 
 Reading and writing entries of a vector becomes, in a batch, that of a matrix, which XLA on a CPU
 does some twenty times as slowly.  `take`, `put` and `add` read and write a batch as the one long
-vector that it is in memory.  Indices are never negative; what is written beyond the end is dropped.
+vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never negative; what
+is written beyond the end is dropped.
 
 A condition or a loop becomes, in a batch, all branches and a choice between all that they return.
 With `in_any_copy` it is asked once for the whole batch.
+
+A function whose batches are faster otherwise than as `vmap` makes them, gets a rule of its own by
+`with_vmap_rule`.
 """
 
+from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.custom_batching import custom_vmap
@@ -17,8 +23,8 @@ from jaxtyping import Bool, Int, Shaped
 
 
 @custom_vmap
-def take(values: Shaped[Array, "entry"], index: Int[Array, "*at"]) -> Shaped[Array, "*at"]:
-    """The entries at these places, all of which there must be."""
+def take(values: Shaped[Array, "entry *row"], index: Int[Array, "*at"]) -> Shaped[Array, "..."]:
+    """The entries, or rows, at these places, all of which there must be."""
     return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
@@ -45,12 +51,12 @@ def _take_in_batch(
     if not batched[0]:
         return take(values, index), True
     index = index if batched[1] else jnp.broadcast_to(index, (size, *index.shape))
-    return take(values.reshape(-1), index + _first(index, values)), True
+    return take(values.reshape(-1, *values.shape[2:]), index + _first(index, values)), True
 
 
 def _first(index: Array, values: Array) -> Array:
     """Where each vector of a batch begins, in the shape of an index."""
-    size, length = values.shape
+    size, length = values.shape[:2]
     return (jnp.arange(size) * length).reshape(size, *[1] * (index.ndim - 1))
 
 
@@ -88,3 +94,34 @@ def _in_a_batch(
 ) -> tuple[Bool[Array, ""], bool]:
     del size, batched
     return in_any_copy(flag.any()), False
+
+
+def with_vmap_rule(function: Callable[..., Any], rule: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that `vmap` batches by a rule, and that is differentiated as it is written.
+
+    Args:
+        function: of trees of arrays.
+        rule: as that of `jax.custom_batching.custom_vmap`: takes the size of the batch, for each
+            argument a tree of truth values (whether an array is batched), and the arguments, with
+            the batch as leading axis; returns the value and a tree of truth values.
+
+    """
+
+    def call(*arguments: Any) -> Any:
+        return function(*arguments)
+
+    batched = custom_vmap(call)
+    batched.def_vmap(rule)
+    both = jax.custom_jvp(batched)
+    both.defjvp(lambda primals, tangents: jax.jvp(function, primals, tangents))
+    return both
+
+
+def plain_vmap(
+    function: Callable[..., Any], batched: list[Any], arguments: tuple[Any, ...]
+) -> tuple[Any, Any]:
+    """What a rule returns that leaves a batch to `jax.vmap`."""
+    leaves, structure = jax.tree.flatten(arguments)
+    axes = [0 if is_batched else None for is_batched in jax.tree.leaves(batched)]
+    value = jax.vmap(lambda *each: function(*jax.tree.unflatten(structure, each)), axes)(*leaves)
+    return value, jax.tree.map(lambda _: True, value)

@@ -22,6 +22,7 @@ from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome, PerRole, Transition, World
 
 Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
+PolicyWithExtras = Callable[[Key[Array, ""], PerRole], tuple[PerRole, Any]]  # -> action, extras
 
 
 class Position(eqx.Module):
@@ -33,31 +34,36 @@ class Position(eqx.Module):
 
 def rollout(
     world: World,
-    policy: Policy,
+    policy: Policy | PolicyWithExtras,
     key: Key[Array, ""],
     steps: int,
     start: Position | None = None,
-) -> tuple[Position, Transition]:
+    *,
+    keep: Callable[[Transition], Any] = lambda transition: transition,
+) -> tuple[Position, Any]:
     """Take `steps` steps, from a fresh episode or from where an earlier rollout stopped.
 
     Args:
         world: any world.
-        policy: `policy(key, observation) -> action`, per role.
+        policy: `policy(key, observation) -> action`, per role; or `-> (action, extras)`, whose
+            second part the transitions hold as `extras`.
         key: consumed; draws the resets, the policy's choices and the world's chance.
         steps: how many steps, over as many episodes as they hold.
         start: the position returned by an earlier call; None resets the world.
+        keep: what of each `Transition` is stored; all of it, unless a function says what.
 
     Returns:
-        The position reached, and the transitions with a leading axis of `steps`.
+        The position reached, and what was kept of the transitions with a leading axis of `steps`.
 
     """
     first, key = jax.random.split(key)
     if start is None:
         start = Position(*world.reset(first))
 
-    def advance(at: Position, key: Key[Array, ""]) -> tuple[Position, Transition]:
+    def advance(at: Position, key: Key[Array, ""]) -> tuple[Position, Any]:
         for_policy, for_world, for_reset = jax.random.split(key, 3)
-        action = policy(for_policy, at.observation)
+        chosen = policy(for_policy, at.observation)
+        action, extras = chosen if isinstance(chosen, tuple) else (chosen, None)
         state, outcome = world.step(for_world, at.state, action)
         episode_end = episode_ended(outcome)
         reached = Position(state, outcome.observation)
@@ -67,9 +73,10 @@ def rollout(
             return jax.tree.map(lambda new, old: jnp.where(episode_end, new, old), fresh, reached)
 
         after = lax.cond(in_any_copy(episode_end), renewed, lambda: reached)
-        return after, Transition(
-            for_world, at.state, at.observation, action, outcome, state, episode_end
+        transition = Transition(
+            for_world, at.state, at.observation, action, outcome, state, episode_end, extras
         )
+        return after, keep(transition)
 
     return lax.scan(advance, start, jax.random.split(key, steps))
 
@@ -96,7 +103,8 @@ def watch(world: World, policy: Policy, key: Key[Array, ""]) -> Scene:
 
 @eqx.filter_jit
 def _episode(world: World, policy: Policy, key: Key[Array, ""]) -> Transition:
-    return rollout(world, policy, key, world.horizon)[1]
+    transitions: Transition = rollout(world, policy, key, world.horizon)[1]
+    return transitions
 
 
 def first_episode(trajectory: Transition) -> Transition:

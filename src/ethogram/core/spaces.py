@@ -129,6 +129,12 @@ class Box:
     used: Array | None = field(default=None, compare=False, repr=False)  # Bool[shape]
     kind: ClassVar[Any] = REAL
 
+    @property
+    def is_bounded(self) -> bool:
+        """Whether its bounds are finite; those not known yet, inside `jit`, count as such."""
+        bounds = [each for each in (self.low, self.high) if not isinstance(each, jax.core.Tracer)]
+        return all(np.isfinite(each).all() for each in bounds)
+
     def contains(self, value: Array) -> Array:
         """Whether each array along the last axes is in the space."""
         value = jnp.asarray(value)

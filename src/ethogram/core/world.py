@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Key, PyTree
 
@@ -38,7 +40,9 @@ class Outcome(eqx.Module):
     `observation` is that of the state reached, also when the episode ends there: a world never
     resets itself.  An agent whose episode ends because of what happened is `terminated` (nothing
     follows, its future is worth 0); one that merely ran out of time is `truncated` (its future
-    is still worth something).
+    is still worth something).  An agent is `acting` if it was in play in this step; one that was
+    not, as a car that is out for a while and will come back, has nothing to learn from the step.
+    All are, unless the world says otherwise.
     """
 
     observation: PerRole
@@ -46,6 +50,12 @@ class Outcome(eqx.Module):
     terminated: PerRole  # Bool[n] per role
     truncated: PerRole  # Bool[n] per role
     metrics: dict[str, Array] = eqx.field(default_factory=dict)
+    acting: PerRole = eqx.field(default_factory=dict)  # Bool[n] per role
+
+    def __post_init__(self) -> None:
+        """Have all agents in play, unless it is said who is."""
+        if not self.acting:
+            self.acting = jax.tree.map(jnp.ones_like, self.terminated)
 
 
 class Transition(eqx.Module):
@@ -63,6 +73,7 @@ class Transition(eqx.Module):
     outcome: Outcome
     next_state: Any  # the state reached
     episode_end: Bool[Array, ""]  # whether the episode ended with this step
+    extras: Any = None  # what the policy said beside the action, such as its log-probability
 
 
 class World(Module):
@@ -76,7 +87,7 @@ class World(Module):
     Every `step` sees actions of the right form only: an array per role, of its shape and kind of
     number, is asked for when the step is traced, which costs nothing in a compiled program.  Values
     out of a space are taken for others in it (`nearest`, of each space), so that none can spoil a
-    state.  `check` refuses them, and so does every step of `ethogram.core.checked.Checked(world)`.
+    state.  `check` refuses them, and so does every step of `ethogram.core.wrappers.Checked(world)`.
     """
 
     def __init_subclass__(cls, *, any_action: bool = False, **further: Any) -> None:

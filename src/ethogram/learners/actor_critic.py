@@ -26,7 +26,7 @@ class Agent(eqx.Module):
     def init(
         cls,
         key: Key[Array, ""],
-        seen: Bool[Array, "feature"],
+        observation: Bool[Array, "feature"],
         choices: Bool[Array, "choice"],
         judged: Bool[Array, "input"],
         hidden: Sequence[int],
@@ -37,7 +37,7 @@ class Agent(eqx.Module):
 
         Args:
             key: consumed.
-            seen: which inputs of the actor are used.
+            observation: which inputs of the actor are used.
             choices: which outputs of the actor are used.
             judged: which inputs of the critic are used.
             hidden: widths of the hidden layers of all networks.
@@ -46,12 +46,12 @@ class Agent(eqx.Module):
         """
         value = jnp.ones(1, bool)
         keys = jax.random.split(key, 4)
-        actor = MLP.init(keys[0], seen, hidden, choices)
+        actor = MLP.init(keys[0], observation, hidden, choices)
         critic = MLP.init(keys[1], judged, hidden, value)
         if copy_targets:  # in buffers of their own, since none can be donated twice
             target_actor, target_critic = jax.tree.map(jnp.copy, (actor, critic))
         else:
-            target_actor = MLP.init(keys[2], seen, hidden, choices)
+            target_actor = MLP.init(keys[2], observation, hidden, choices)
             target_critic = MLP.init(keys[3], judged, hidden, value)
         moments = no_moments(actor), no_moments(critic)
         return cls(actor, critic, target_actor, target_critic, *moments)

@@ -31,11 +31,19 @@ from pydantic import Field
 from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.memory import require_memory
 from ethogram.core.module import Module
-from ethogram.core.rollout import Policy, rollout
+from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
-from ethogram.learners.exploration import Constant, Schedule, epsilon_greedy
+from ethogram.learners.base import Metrics
+from ethogram.learners.distributions import epsilon_greedy
+from ethogram.learners.episodes import (
+    episode_returns,
+    in_first_episode,
+    play_episodes,
+    role_keys,
+)
+from ethogram.learners.schedules import Constant, Schedule
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
@@ -174,7 +182,7 @@ def expected_returns(
     return jnp.where(process.terminal[:, None], 0.0, expected)
 
 
-class Averages(eqx.Module):
+class MonteCarloState(eqx.Module):
     """Mean return after each observation and action, and of how many visits it is the mean."""
 
     value: PerRole  # Float[agents, rows, actions] per role
@@ -193,51 +201,55 @@ class MonteCarloControl(Module):
     epsilon: Schedule = Constant(0.1)
     discount: Number = setting(0.9, Fraction)
 
-    def init(self) -> Averages:
+    def init(self, key: Key[Array, ""]) -> MonteCarloState:
         """No visit yet, values of zero.
+
+        Args:
+            key: nothing is left to chance.
 
         Raises:
             EthogramError: a role's observations or actions are not `Discrete`.
             TooLarge: the tables would not fit in memory; the message names the size.
 
         """
+        del key
         require_memory("Monte Carlo control", 2 * table_bytes(self.world))
-        return Averages(blank_tables(self.world), blank_tables(self.world), jnp.int32(0))
+        return MonteCarloState(blank_tables(self.world), blank_tables(self.world), jnp.int32(0))
 
     def update(
-        self, key: Key[Array, ""], averages: Averages
-    ) -> tuple[Averages, dict[str, PerRole]]:
+        self, key: Key[Array, ""], state: MonteCarloState
+    ) -> tuple[MonteCarloState, Metrics]:
         """Play one episode and average its returns into the table (eq. 1.10).
 
         Returns:
-            The state after, and metrics: `return`, Float[agents] per role, not discounted.
+            The state after, and metrics: `episode_return`, Float[1, agent] per role.
 
         """
-        act = self.policy(averages, self.epsilon(averages.episode))
-        _, taken = rollout(self.world, act, key, self.world.horizon)
-        value, visits, return_ = {}, {}, {}
-        for role in averages.value:
-            outcome = taken.outcome
-            ended = outcome.terminated[role] | outcome.truncated[role]
-            active = jnp.cumsum(ended, axis=0) - ended == 0  # steps of the first episode only
-            reward = jnp.where(active, outcome.reward[role], 0.0)
+        played = play_episodes(self.world, self.policy(state, explore=True), key, 1)
+        taken, counted = jax.tree.map(lambda part: part[0], (played, in_first_episode(played)))
+        value, visits = {}, {}
+        for role in state.value:
+            reward = jnp.where(counted[role], taken.outcome.reward[role], 0.0)
             agents = jnp.arange(reward.shape[1])
             cell = (agents, taken.observation[role], taken.action[role])
-            visits[role] = averages.visits[role].at[cell].add(active)
-            error = discounted_returns(reward, self.discount) - averages.value[role][cell]
-            share = jnp.where(active, error, 0.0) / jnp.maximum(visits[role][cell], 1.0)
-            value[role] = averages.value[role].at[cell].add(share)
-            return_[role] = reward.sum(0)
-        return Averages(value, visits, averages.episode + 1), {"return": return_}
+            visited = counted[role] & taken.outcome.acting[role]
+            visits[role] = state.visits[role].at[cell].add(visited)
+            error = discounted_returns(reward, self.discount) - state.value[role][cell]
+            share = jnp.where(visited, error, 0.0) / jnp.maximum(visits[role][cell], 1.0)
+            value[role] = state.value[role].at[cell].add(share)
+        after = MonteCarloState(value, visits, state.episode + 1)
+        return after, {"episode_return": episode_returns(played)}
 
-    def policy(self, averages: Averages, epsilon: Number = 0.0) -> Policy:
-        """Greedy with random ties (eq. 1.11), exploring with probability epsilon."""
+    def policy(self, state: MonteCarloState, *, explore: bool = False) -> Policy:
+        """Greedy with random ties (eq. 1.11), or exploring with probability epsilon."""
+        epsilon = self.epsilon(state.episode) if explore else 0.0
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
             action = {}
-            for number, (role, seen) in enumerate(observation.items()):
-                bits = jax.random.bits(jax.random.fold_in(key, number), seen.shape)
-                values = averages.value[role][jnp.arange(len(seen)), seen]
+            for role, for_role in role_keys(self.world.roles, key).items():
+                seen = observation[role]
+                bits = jax.random.bits(for_role, seen.shape)
+                values = state.value[role][jnp.arange(len(seen)), seen]
                 action[role] = epsilon_greedy(values.T, bits, epsilon)
             return action
 

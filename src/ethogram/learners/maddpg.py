@@ -1,6 +1,6 @@
 """Multi-agent deep deterministic policy gradient, MADDPG (Lowe et al., NeurIPS 2017).
 
-Every agent has an actor, which sees what the agent observes, and a critic, which sees what all
+Every agent has an actor, which reads what the agent observes, and a critic, which reads what all
 agents observe and do.  For agent i, minibatch D, critic Q, actor mu and targets Q', mu':
 
     y      = r_i + gamma Q'_i(o', mu'_1(o'_1), ..., mu'_n(o'_n))
@@ -8,66 +8,81 @@ agents observe and do.  For agent i, minibatch D, critic Q, actor mu and targets
     actor:   minimise E_D -Q_i(o, a_1, ..., mu_i(o_i), ..., a_n) + penalty x mean squared logit
     targets: (Q', mu') <- (1 - tau) (Q', mu') + tau (Q, mu)
 
-Choices are made differentiable by the Gumbel-softmax (`ethogram.learners.exploration`): an action
-is a vector of weights of choices.  A world with `Simplex` actions gets the weights, one with
-`Discrete` actions the heaviest choice.
+Choices are made differentiable by the Gumbel-softmax, and are all that explores; actors of `Box`
+actions are deterministic and explore by Gaussian noise (`ethogram.learners.action_heads`).  A world
+with `Simplex` actions gets weights of choices, one with `Discrete` actions the heaviest choice.
 
 `PRESETS["thesis"]`, the default, is Table 2.1 of the thesis and, where that is silent, what the
-paper's authors published: a round of updates after every 100 steps, once the memory holds 25
-minibatches; agents in order, each with a minibatch of its own; targets with first weights of
-their own; every array's gradient clipped to norm 0.5.  `PRESETS["tuned"]` says beside each
-setting what it changes.
+paper's authors published: agents learn after every 100 steps, once the replay buffer holds 25
+minibatches; in order, each with a minibatch of its own; targets with first weights of their own;
+every array's gradient clipped to norm 0.5.  `PRESETS["tuned"]` says beside each setting what it
+changes.
 
 Deviations from the original program, and why:
 
-- The policy is fixed between rounds, so the episodes played there run side by side.  This changes
-  nothing but the order of random draws; it asks that updates come after whole episodes.
-- The memory keeps states and computes the rest again (`ethogram.learners.replay`).
+- The policy is fixed between updates, so the episodes played there run side by side.  This changes
+  nothing but the order of random draws; it asks that learning comes after whole episodes.
+- The replay buffer keeps states and computes the rest again, where that takes less memory.
 - Where actions are `Discrete`, critics read what was done, as one-hot vectors, and the gradient
   passes straight through; the original shows them the weights that the world never saw.
-- The first round comes one play later: an update begins by playing.
+- Learning begins one play later: an update begins by playing.
 - Adam adds its epsilon after the correction of bias, as its paper does, TensorFlow's before.
 - A choice or an input that is padding (`ethogram.core.spaces`) has no part in anything.
 - Minibatches have 512 transitions (Table 2.1), the program's 1024.
-- Roles may be scripted, as the thesis' baselines need: who does not learn has no critic.
-- `final_rate`, temperatures, `anneal`, `rounds`, `copy_targets` and `straight_through` exist, for
-  `tuned`; in the preset `thesis` they do what the program does.
+- `final_learning_rate`, temperatures, `annealing_updates`, `updates_per_iteration`, `copy_targets`
+  and `straight_through` exist, for `tuned`; in the preset `thesis` they do what the program does.
 
-An episode ends for all agents at once: what follows an agent's own end is not known here.
+An episode ends for all agents at once: what follows an agent's own end is not known here, unless
+the world says that it is not `acting`, of which nothing is learned.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
 from jax import Array, lax
-from jaxtyping import Float, Int, Key
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
+from ethogram.core.batching import in_any_copy
+from ethogram.core.errors import InvalidSettings
 from ethogram.core.memory import readable_bytes, require_memory
 from ethogram.core.module import Module
-from ethogram.core.rollout import rollout
+from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, check_settings, setting
-from ethogram.core.spaces import Box, Discrete, Simplex
-from ethogram.core.specs import array_spec, key_spec, role_specs, state_spec
+from ethogram.core.spaces import Box
+from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
+from ethogram.learners.action_heads import (
+    decoded_action,
+    encoded_action,
+    reachable,
+    require_head,
+    with_noise,
+)
 from ethogram.learners.actor_critic import Agent, agent_bytes
-from ethogram.learners.exploration import Linear, gumbel_softmax
-from ethogram.learners.joint import done, joint, joint_used, network_sizes, own_action, seen
-from ethogram.learners.networks import MLP, features, used_features
+from ethogram.learners.base import Metrics
+from ethogram.learners.critic_input import (
+    critic_input,
+    encode_actions,
+    encode_observations,
+    network_sizes,
+    own_action,
+    used_inputs,
+)
+from ethogram.learners.episodes import episode_returns, play_episodes, role_keys
+from ethogram.learners.networks import MLP, used_features
 from ethogram.learners.optimisation import descend
-from ethogram.learners.replay import Layout, Replay
-from ethogram.learners.returns import one_step
+from ethogram.learners.replay_buffer import ReplayBuffer, TransitionLayout
+from ethogram.learners.returns import td_target
+from ethogram.learners.schedules import Linear
 
-Script = Callable[[Key[Array, ""], Array], Array]  # (key, a role's observations) -> its actions
 Positive = Annotated[float, Field(gt=0)]
-
-OUT_OF_REACH = -1e9  # a logit that no noise lifts
+Agents = dict[str, tuple[Agent, ...]]  # per role
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -75,23 +90,22 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "tuned": {
             "discount": 0.85,  # an effect is felt within a few steps: less noise to learn from
             "copy_targets": True,
-            "batch": 256,  # smaller,
-            "rounds": 4,  # and many more of them
-            "warm_up": 50,
-            "rate": 5e-3,  # and falls on the way
-            "final_rate": 3e-4,
-            "anneal": 20_000.0,  # all rounds of 20 000 episodes
+            "batch_size": 256,  # smaller,
+            "updates_per_iteration": 4,  # and many more of them
+            "learning_rate": 5e-3,  # and falls on the way
+            "final_learning_rate": 3e-4,
+            "annealing_updates": 20_000.0,  # all updates of 20 000 episodes
         },
     }
 )
 
 
-class Learned(eqx.Module):
-    """The agents that learn, per role, and the memory they share."""
+class MADDPGState(eqx.Module):
+    """The agents of each role, and the replay buffer they share."""
 
-    agents: dict[str, tuple[Agent, ...]]
-    replay: Replay
-    rounds: Int[Array, ""]  # of updates so far
+    agents: Agents
+    replay_buffer: ReplayBuffer
+    updates: Int[Array, ""]  # of each agent's networks so far
 
 
 class Batch(eqx.Module):
@@ -101,35 +115,36 @@ class Batch(eqx.Module):
     action: PerRole
     reward: PerRole  # Float[batch, agent]
     terminated: PerRole  # Bool[batch, agent]
-    reached: PerRole  # what was observed after
-    target_action: PerRole  # what the target actors would do there
+    acting: PerRole  # Bool[batch, agent]
+    next_observation: PerRole
+    target_action: PerRole  # of the target actors in the next observation
 
 
 class MADDPG(Module):
-    """MADDPG in a world given by the caller, whose roles choose among `Discrete` or `Simplex`.
+    """MADDPG in a world given by the caller, whose actions are `Discrete`, `Simplex` or `Box`.
 
-    `init(key) -> learned`; `update(key, learned) -> (learned, metrics)` plays some episodes and
-    learns; `policy(learned)` acts.  A run begins with `first_plays` updates of `Playing(learner)`.
-    Roles in `scripted` follow the function given there instead of learning.
+    Roles that are not to learn are given a policy by `ethogram.core.wrappers.GivenPolicies`.
     """
 
+    undefined_metrics: ClassVar[frozenset[str]] = frozenset({"critic_loss", "actor_loss"})
+
     world: World
-    scripted: Mapping[str, Script] = eqx.field(default_factory=dict)
     discount: Number = setting(0.95, Annotated[float, Field(ge=0, le=1)])
-    rate: Number = setting(1e-2, Positive)  # of learning, at first
-    final_rate: Number = setting(1e-2, Positive)
+    learning_rate: Number = setting(1e-2, Positive)  # at first
+    final_learning_rate: Number = setting(1e-2, Positive)
     temperature: Number = setting(1.0, Positive)  # of the Gumbel-softmax, at first
     final_temperature: Number = setting(1.0, Positive)
-    anneal: Number = setting(1.0, Positive)  # rounds of updates from first to final
+    annealing_updates: Number = setting(1.0, Positive)  # from first to final values
     tau: Number = setting(0.01, Annotated[float, Field(ge=0, le=1)])
-    clip: Number = setting(0.5, Positive)  # largest norm of an array's gradient
-    penalty: Number = setting(1e-3, Annotated[float, Field(ge=0)])  # of the mean squared logit
-    batch: int = setting(512, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
-    memory: int = setting(1_000_000, Annotated[int, Field(ge=1, le=2**30)], static=True)
-    warm_up: int = setting(25, Annotated[int, Field(ge=0, le=1_000_000)], static=True)  # batches
-    episodes: int = setting(4, Annotated[int, Field(ge=1, le=100_000)], static=True)  # played
-    rounds: int = setting(1, Annotated[int, Field(ge=1, le=10_000)], static=True)  # after them
-    hidden: int = setting(64, Annotated[int, Field(ge=1, le=100_000)], static=True)  # two layers
+    max_gradient_norm: Number = setting(0.5, Positive)  # of an array's gradient
+    logit_penalty: Number = setting(1e-3, Annotated[float, Field(ge=0)])  # of the mean square
+    exploration_noise: Number = setting(0.1, Annotated[float, Field(ge=0)])  # of boxes, see there
+    batch_size: int = setting(512, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
+    buffer_size: int = setting(1_000_000, Annotated[int, Field(ge=1, le=2**30)], static=True)
+    learning_starts: int = setting(12_800, Annotated[int, Field(ge=0)], static=True)  # transitions
+    episodes_per_update: int = setting(4, Annotated[int, Field(ge=1, le=100_000)], static=True)
+    updates_per_iteration: int = setting(1, Annotated[int, Field(ge=1, le=10_000)], static=True)
+    hidden_size: int = setting(64, Annotated[int, Field(ge=1, le=100_000)], static=True)  # of 2
     copy_targets: bool = setting(False, bool, static=True)
     straight_through: bool = setting(False, bool, static=True)
 
@@ -138,238 +153,237 @@ class MADDPG(Module):
 
         Raises:
             InvalidSettings: naming every value out of bounds; or one play would not fit in memory.
-            UnknownName: a role that is scripted is none of the world's.
-            EthogramError: a role that learns has actions that are no choices.
+            EthogramError: a role's actions are no choices and no bounded box.
 
         """
         check_settings(self)
-        played = self.episodes * self.world.horizon
-        if self.memory < played:
+        played = self.episodes_per_update * self.world.horizon
+        if self.buffer_size < played:
             raise InvalidSettings(
-                f"MADDPG: memory = {self.memory} has no room for the {played} transitions of "
-                f"episodes = {self.episodes} of {self.world.horizon} steps."
+                f"MADDPG: buffer_size = {self.buffer_size} has no room for the {played} "
+                f"transitions of episodes_per_update = {self.episodes_per_update} of "
+                f"{self.world.horizon} steps."
             )
-        roles = role_specs(self.world)
-        for name in self.scripted:
-            if name not in roles:
-                raise UnknownName("role", name, roles)
-        for name, role in roles.items():
-            space = role.action
-            if name not in self.scripted and not isinstance(space, Discrete | Simplex):
-                raise EthogramError(
-                    f"MADDPG needs actions that are Discrete or Simplex; those of {name!r} are "
-                    f"{type(space).__name__}."
-                )
-
-    @property
-    def learning(self) -> tuple[str, ...]:
-        """The roles that learn."""
-        return tuple(role for role in role_specs(self.world) if role not in self.scripted)
-
-    @property
-    def first_plays(self) -> int:
-        """How often to `play` before the first `update`, so that the memory holds `warm_up`."""
-        return -(-self.warm_up * self.batch // (self.episodes * self.world.horizon))
+        for name, role in self.world.roles.items():
+            require_head("MADDPG", name, role.action)
 
     @property
     def replay_bytes(self) -> int:
         """Memory that the transitions kept need."""
-        return 4 * self._layout.words * self.memory
+        return 4 * self._layout.row_width * self.buffer_size
 
     @property
     def network_bytes(self) -> int:
         """Memory that the agents need: all networks, their targets, and what Adam remembers."""
-        roles, hidden = role_specs(self.world), (self.hidden, self.hidden)
+        roles = role_specs(self.world)
         return sum(
-            roles[name].agents * agent_bytes(*network_sizes(roles, name, hidden))
-            for name in self.learning
+            role.agents * agent_bytes(*network_sizes(roles, name, self._hidden))
+            for name, role in roles.items()
         )
 
-    def init(self, key: Key[Array, ""]) -> Learned:
-        """New agents, and an empty memory.
+    def init(self, key: Key[Array, ""]) -> MADDPGState:
+        """New agents, and an empty replay buffer.
 
         Raises:
-            TooLarge: networks and memory for transitions would not fit; the message names the
+            TooLarge: networks and replay buffer would not fit in memory; the message names the
                 sizes.
 
         """
         require_memory(
-            f"MADDPG with {readable_bytes(self.network_bytes)} of networks and a replay memory of "
-            f"{self.memory:,} transitions ({readable_bytes(self.replay_bytes)})",
+            f"MADDPG with {readable_bytes(self.network_bytes)} of networks and a replay buffer of "
+            f"{self.buffer_size:,} transitions ({readable_bytes(self.replay_bytes)})",
             self.network_bytes + self.replay_bytes,
         )
-        replay = Replay.empty(self._layout, self.memory)
-        return Learned(self.new_agents(key), replay, jnp.int32(0))
+        replay_buffer = ReplayBuffer.empty(self._layout.row_width, self.buffer_size)
+        return MADDPGState(self.new_agents(key), replay_buffer, jnp.int32(0))
 
-    def new_agents(self, key: Key[Array, ""]) -> dict[str, tuple[Agent, ...]]:
-        """Agents that have learned nothing, per role that learns."""
+    def new_agents(self, key: Key[Array, ""]) -> Agents:
+        """Agents that have learned nothing, per role."""
+        roles = self.world.roles
         agents = {}
-        for number, role in enumerate(self.learning):
-            count = self.world.roles[role].agents
-            keys = jax.random.split(jax.random.fold_in(key, number), count)
-            agents[role] = tuple(self._new_agent(role, each) for each in keys)
+        for role, for_role in role_keys(roles, key).items():
+            used = used_features(roles[role].observation), used_features(roles[role].action)
+            agents[role] = tuple(
+                Agent.init(
+                    each,
+                    *used,
+                    used_inputs(roles),
+                    self._hidden,
+                    copy_targets=self.copy_targets,
+                )
+                for each in jax.random.split(for_role, roles[role].agents)
+            )
         return agents
 
-    def update(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
-        """Play `episodes` episodes, then learn `rounds` times.
+    def update(self, key: Key[Array, ""], state: MADDPGState) -> tuple[MADDPGState, Metrics]:
+        """Play some episodes, then learn, once the replay buffer holds enough transitions.
 
         Args:
             key: consumed.
-            learned: agents and memory; donate them (`ethogram.learners.train` does).
+            state: agents and replay buffer; donate them (`ethogram.learners.train` does).
 
         Returns:
-            The state after, and metrics: `reward` as of `play`, and the mean over the rounds of
-            `critic_loss` and `actor_loss`, Float[agents] per role that learns.
+            The state after, and metrics: `episode_return` of the `episodes_per_update` episodes,
+            Float[episode, agent] per role, and the means over `updates_per_iteration` of
+            `critic_loss` and `actor_loss`, Float[agent] per role, NaN as long as nothing is
+            learned.  (A loss that is no number is given as infinite.)
 
         """
-        for_play, for_rounds = jax.random.split(key)
-        learned, played = self.play(for_play, learned)
+        enough = min(self.learning_starts, self.buffer_size)
+        learns = in_any_copy(state.replay_buffer.added >= enough)
+        for_play, for_learning = jax.random.split(key)
+        for_play = jnp.where(learns, for_play, key)
+        played = play_episodes(
+            self.world, self.policy(state, explore=True), for_play, self.episodes_per_update
+        )
+        rows = self._layout.pack(played)
+        replay_buffer = state.replay_buffer.add(rows.reshape(-1, rows.shape[-1]))
+        agents, updates, losses = lax.cond(
+            learns,
+            lambda *at: self._learn(for_learning, *at),
+            self._wait,
+            *(state.agents, replay_buffer, state.updates),
+        )
+        metrics = {"episode_return": episode_returns(played), **losses}
+        return MADDPGState(agents, replay_buffer, updates), metrics
 
-        def learn(learned: Learned, key: Key[Array, ""]) -> tuple[Learned, dict[str, PerRole]]:
-            return self._learn(key, learned)
+    def policy(self, state: MADDPGState, *, explore: bool = False) -> Policy:
+        """How the agents act in one world.
 
-        learned, losses = lax.scan(learn, learned, jax.random.split(for_rounds, self.rounds))
-        return learned, played | jax.tree.map(lambda loss: loss.mean(0), losses)
-
-    def play(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
-        """Play `episodes` episodes side by side and remember them.
-
-        Each takes the world's `horizon` of steps; one that ends before is followed by another.
-
-        Returns:
-            The state after, and metrics: `reward`, what each agent earned in those steps,
-            Float[episodes, agents] per role.
-
+        Exploring, choices are drawn, and boxes have noise; otherwise weights are the softmax of the
+        logits, choices those of the largest, and boxes without noise.
         """
-        act = self.policy(learned)
-        keys = jax.random.split(key, self.episodes)
-        _, played = jax.vmap(lambda key: rollout(self.world, act, key, self.world.horizon))(keys)
-        rows = self._layout.pack((played.state, played.action, played.key))
-        replay = learned.replay.add(rows.reshape(-1, rows.shape[-1]))
-        earned = {role: reward.sum(1) for role, reward in played.outcome.reward.items()}
-        return Learned(learned.agents, replay, learned.rounds), {"reward": earned}
-
-    def policy(
-        self, learned: Learned, *, noise: bool = True
-    ) -> Callable[[Key[Array, ""], PerRole], PerRole]:
-        """How the agents act in one world; without noise, by the softmax of their logits."""
-        temperature = self._temperature(learned.rounds)
+        temperature = self._temperature(state.updates)
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
-            logits = self.logits(learned, observation)
-            action = {}
-            for number, (name, role) in enumerate(self.world.roles.items()):
-                for_role = jax.random.fold_in(key, number)
-                if name in self.scripted:
-                    action[name] = self.scripted[name](for_role, observation[name])
-                    continue
-                drawn = for_role if noise else None
-                weights = self._weights(name, drawn, logits[name], temperature)
-                is_index = isinstance(role.action, Discrete)
-                action[name] = weights.argmax(-1) if is_index else weights
+            outputs = self.actor_outputs(state, observation)
+            roles, action = self.world.roles, {}
+            for name, for_role in role_keys(roles, key).items():
+                space = roles[name].action
+                drawn = for_role if explore else None
+                encoded = self._encoded(name, drawn, outputs[name], temperature)
+                if explore and isinstance(space, Box):
+                    encoded = with_noise(space, for_role, encoded, self.exploration_noise)
+                action[name] = decoded_action(space, encoded)
             return action
 
         return act
 
-    def logits(self, learned: Learned, observation: PerRole) -> PerRole:
-        """What each agent that learns makes of its choices: Float[agents, choice] per role.
+    def actor_outputs(self, state: MADDPGState, observation: PerRole) -> PerRole:
+        """What each agent's actor makes of its observation: Float[agents, output] per role.
 
         The softmax of an agent's logits is the chance of each choice to be the heaviest.
         """
-        read = seen(self.world.roles, observation)
+        encoded = encode_observations(self.world.roles, observation)
         return {
-            role: self._logits(role, [agent.actor for agent in agents], read[role])
-            for role, agents in learned.agents.items()
+            role: self._outputs(role, [agent.actor for agent in agents], encoded[role])
+            for role, agents in state.agents.items()
         }
 
     @property
-    def _layout(self) -> Layout[Any]:
-        """What is kept of a transition: the state left, the action, the key of chance."""
-        action = {}
-        for name, role in role_specs(self.world).items():
-            kind = jnp.float32 if isinstance(role.action, Simplex | Box) else jnp.int32
-            action[name] = array_spec((role.agents, *role.action.shape), kind)
-        return Layout((state_spec(self.world), action, key_spec()))
+    def _layout(self) -> TransitionLayout:
+        return TransitionLayout(self.world)
 
-    def _new_agent(self, role: str, key: Key[Array, ""]) -> Agent:
-        roles = self.world.roles
-        return Agent.init(
-            key,
-            used_features(roles[role].observation),
-            used_features(roles[role].action),
-            joint_used(roles),
-            (self.hidden, self.hidden),
-            copy_targets=self.copy_targets,
-        )
+    @property
+    def _hidden(self) -> tuple[int, int]:
+        return self.hidden_size, self.hidden_size
 
-    def _temperature(self, rounds: Int[Array, ""]) -> Float[Array, ""]:
-        return Linear(self.temperature, self.final_temperature, self.anneal)(rounds)
+    def _temperature(self, updates: Int[Array, ""]) -> Float[Array, ""]:
+        return Linear(self.temperature, self.final_temperature, self.annealing_updates)(updates)
 
-    def _logits(
-        self, role: str, actors: Sequence[MLP], read: Float[Array, "*batch agent feature"]
-    ) -> Float[Array, "*batch agent choice"]:
-        """Each actor's logits; those of choices that there are not are out of reach."""
-        logits = jnp.stack([actor(read[..., i, :]) for i, actor in enumerate(actors)], -2)
-        return jnp.where(used_features(self.world.roles[role].action), logits, OUT_OF_REACH)
+    def _outputs(
+        self, role: str, actors: Sequence[MLP], encoded: Float[Array, "*batch agent feature"]
+    ) -> Float[Array, "*batch agent output"]:
+        """Each actor's outputs."""
+        outputs = jnp.stack([actor(encoded[..., i, :]) for i, actor in enumerate(actors)], -2)
+        return reachable(self.world.roles[role].action, outputs)
 
-    def _weights(
+    def _encoded(
         self,
         role: str,
         key: Key[Array, ""] | None,
-        logits: Float[Array, "*batch choice"],
+        outputs: Float[Array, "*batch output"],
         temperature: Number,
-    ) -> Float[Array, "*batch choice"]:
-        discrete = isinstance(self.world.roles[role].action, Discrete)
-        hard = self.straight_through or discrete
-        return gumbel_softmax(key, logits, temperature, straight_through=hard)
+    ) -> Float[Array, "*batch feature"]:
+        space = self.world.roles[role].action
+        return encoded_action(
+            space, key, outputs, temperature, straight_through=self.straight_through
+        )
 
-    def _learn(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
-        """One round of updates, agent by agent: each sees the targets of those before it."""
-        agents = {role: list(ones) for role, ones in learned.agents.items()}
+    def _wait(
+        self, agents: Agents, replay_buffer: ReplayBuffer, updates: Int[Array, ""]
+    ) -> tuple[Agents, Int[Array, ""], Metrics]:
+        """Learn nothing yet."""
+        del replay_buffer
+        undefined = {role: jnp.full(len(each), jnp.nan) for role, each in agents.items()}
+        return agents, updates, {"critic_loss": undefined, "actor_loss": undefined}
+
+    def _learn(
+        self,
+        key: Key[Array, ""],
+        agents: Agents,
+        replay_buffer: ReplayBuffer,
+        updates: Int[Array, ""],
+    ) -> tuple[Agents, Int[Array, ""], Metrics]:
+        """Update all agents `updates_per_iteration` times."""
+
+        def learn(
+            at: tuple[Agents, Int[Array, ""]], key: Key[Array, ""]
+        ) -> tuple[tuple[Agents, Int[Array, ""]], Metrics]:
+            agents, losses = self._update_agents(key, at[0], replay_buffer, at[1])
+            return (agents, at[1] + 1), losses
+
+        keys = jax.random.split(key, self.updates_per_iteration)
+        (agents, updates), losses = lax.scan(learn, (agents, updates), keys)
+        losses = jax.tree.map(lambda loss: _infinite_if_nan(loss.mean(0)), losses)
+        return agents, updates, losses
+
+    def _update_agents(
+        self,
+        key: Key[Array, ""],
+        agents: Agents,
+        replay_buffer: ReplayBuffer,
+        updates: Int[Array, ""],
+    ) -> tuple[Agents, Metrics]:
+        """One update of each agent, in order: each sees the targets of those before it."""
+        now = {role: list(ones) for role, ones in agents.items()}
         losses: dict[str, dict[str, list[Array]]] = {"critic_loss": {}, "actor_loss": {}}
-        for number, role in enumerate(self.learning):
-            for_role = jax.random.fold_in(key, number)
-            for i, agent in enumerate(agents[role]):
+        for role, for_role in role_keys(self.world.roles, key).items():
+            for i, agent in enumerate(now[role]):
                 for_batch, for_actor = jax.random.split(jax.random.fold_in(for_role, i))
-                batch = self._draw(for_batch, learned, agents)
-                agents[role][i], lost = self._improve(
-                    for_actor, agent, role, i, batch, learned.rounds
-                )
+                batch = self._draw(for_batch, replay_buffer, now, updates)
+                now[role][i], lost = self._improve(for_actor, agent, role, i, batch, updates)
                 for name, loss in lost.items():
                     losses[name].setdefault(role, []).append(loss)
-        after = {role: tuple(ones) for role, ones in agents.items()}
-        return Learned(after, learned.replay, learned.rounds + 1), {
+        return {role: tuple(ones) for role, ones in now.items()}, {
             name: {role: jnp.stack(each) for role, each in per_role.items()}
             for name, per_role in losses.items()
         }
 
     def _draw(
-        self, key: Key[Array, ""], learned: Learned, agents: Mapping[str, Sequence[Agent]]
+        self,
+        key: Key[Array, ""],
+        replay_buffer: ReplayBuffer,
+        agents: Mapping[str, Sequence[Agent]],
+        updates: Int[Array, ""],
     ) -> Batch:
-        """A minibatch: rows from the memory, and all that follows from them."""
+        """A minibatch from the replay buffer, with the target actors' actions."""
         for_rows, for_targets = jax.random.split(key)
-        rows = learned.replay.draw(for_rows, self.batch)
-        before, action, chance = self._layout.unpack(rows)
-        _, outcome = jax.vmap(self.world.step)(chance, before, action)
-        roles, temperature = self.world.roles, self._temperature(learned.rounds)
-        reached = seen(roles, outcome.observation)
+        drawn = self._layout.unpack(replay_buffer.draw(for_rows, self.batch_size))
+        roles, temperature = self.world.roles, self._temperature(updates)
+        next_observation = encode_observations(roles, drawn.next_observation)
         target_action = {}
-        for number, (name, role) in enumerate(roles.items()):
-            for_role = jax.random.fold_in(for_targets, number)
-            if name in self.scripted:
-                keys = jax.random.split(for_role, self.batch)
-                told = jax.vmap(self.scripted[name])(keys, outcome.observation[name])
-                target_action[name] = features(role.action, told)
-                continue
-            actors = [agent.target_actor for agent in agents[name]]
-            logits = self._logits(name, actors, reached[name])
-            target_action[name] = self._weights(name, for_role, logits, temperature)
+        for role, for_role in role_keys(roles, for_targets).items():
+            actors = [agent.target_actor for agent in agents[role]]
+            outputs = self._outputs(role, actors, next_observation[role])
+            target_action[role] = self._encoded(role, for_role, outputs, temperature)
         return Batch(
-            observation=seen(roles, jax.vmap(self.world.observe)(before)),
-            action=done(roles, action),
-            reward=outcome.reward,
-            terminated=outcome.terminated,
-            reached=reached,
+            observation=encode_observations(roles, drawn.observation),
+            action=encode_actions(roles, drawn.action),
+            reward=drawn.reward,
+            terminated=drawn.terminated,
+            acting=drawn.acting,
+            next_observation=next_observation,
             target_action=target_action,
         )
 
@@ -380,35 +394,37 @@ class MADDPG(Module):
         role: str,
         number: int,
         batch: Batch,
-        rounds: Int[Array, ""],
+        updates: Int[Array, ""],
     ) -> tuple[Agent, dict[str, Float[Array, ""]]]:
         """Update one agent: critic, then actor, then its targets."""
-        rate = Linear(self.rate, self.final_rate, self.anneal)(rounds)
-        future = agent.target_critic(joint(batch.reached, batch.target_action))[:, 0]
+        schedule = Linear(self.learning_rate, self.final_learning_rate, self.annealing_updates)
+        step = schedule(updates), self.max_gradient_norm
+        next_input = critic_input(batch.next_observation, batch.target_action)
+        next_value = agent.target_critic(next_input)[:, 0]
         reward, terminated = batch.reward[role][:, number], batch.terminated[role][:, number]
-        target = one_step(reward, terminated, future, self.discount)
-        row = joint(batch.observation, batch.action)
+        target = td_target(reward, terminated, next_value, self.discount)
+        row = critic_input(batch.observation, batch.action)
+        acting = batch.acting[role][:, number]
 
         def critic_loss(critic: MLP) -> Float[Array, ""]:
-            return jnp.square(critic(row)[:, 0] - target).mean()
+            return _mean(jnp.square(critic(row)[:, 0] - target), acting)
 
-        lost, gradient = jax.value_and_grad(critic_loss)(agent.critic)
-        critic, critic_moments = descend(
-            agent.critic, gradient, agent.critic_moments, rate, self.clip
-        )
+        critic_lost, gradient = jax.value_and_grad(critic_loss)(agent.critic)
+        critic, critic_moments = descend(agent.critic, gradient, agent.critic_moments, *step)
 
         own, ours = own_action(self.world.roles, role, number), batch.observation[role][:, [number]]
         others = row @ critic.weights[0]  # the gradient needs only the part of the own action
-        temperature, used = self._temperature(rounds), used_features(self.world.roles[role].action)
+        temperature, used = self._temperature(updates), used_features(self.world.roles[role].action)
 
         def actor_loss(actor: MLP) -> Float[Array, ""]:
-            logits = self._logits(role, [actor], ours)[:, 0]
-            change = self._weights(role, key, logits, temperature) - row[:, own]
+            outputs = self._outputs(role, [actor], ours)[:, 0]
+            change = self._encoded(role, key, outputs, temperature) - row[:, own]
             value = critic.from_first(others + change @ critic.weights[0][own])
-            return -value.mean() + self.penalty * jnp.square(logits).mean(where=used)
+            penalty = _mean(jnp.square(outputs), used & acting[:, None])
+            return -_mean(value[:, 0], acting) + self.logit_penalty * penalty
 
         actor_lost, gradient = jax.value_and_grad(actor_loss)(agent.actor)
-        actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, rate, self.clip)
+        actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, *step)
         return Agent(
             actor=actor,
             critic=critic,
@@ -416,14 +432,14 @@ class MADDPG(Module):
             target_critic=optax.incremental_update(critic, agent.target_critic, self.tau),
             actor_moments=actor_moments,
             critic_moments=critic_moments,
-        ), {"critic_loss": lost, "actor_loss": actor_lost}
+        ), {"critic_loss": critic_lost, "actor_loss": actor_lost}
 
 
-class Playing(Module):
-    """The learner at the beginning of a run: it plays, remembers, and learns nothing yet."""
+def _mean(values: Float[Array, "..."], counted: Bool[Array, "..."]) -> Float[Array, ""]:
+    """The mean of those values that count; 0 if there are none."""
+    return jnp.where(counted, values, 0.0).sum() / jnp.maximum(counted.sum(), 1)
 
-    learner: MADDPG
 
-    def update(self, key: Key[Array, ""], learned: Learned) -> tuple[Learned, dict[str, PerRole]]:
-        """Play, as `MADDPG.play` does."""
-        return self.learner.play(key, learned)
+def _infinite_if_nan(loss: Float[Array, "agent"]) -> Float[Array, "agent"]:
+    """Losses, where NaN stands for nothing learned."""
+    return jnp.where(jnp.isnan(loss), jnp.inf, loss)

@@ -3,7 +3,7 @@
 Every agent of every role keeps its own table Q(o, a), starts it at zero, picks actions
 epsilon-greedily (eq. 3.12) and after each step moves Q(o, a) by
 
-    rate x (r + discount max_b Q(o', b) - Q(o, a))                                 (eq. 3.13)
+    alpha (r + gamma max_b Q(o', b) - Q(o, a))                                     (eq. 3.13)
 
 where nothing follows a termination, but the last step before a time limit does bootstrap.
 Observations and actions are those of a world whose spaces are `Discrete`; the tables have a row
@@ -11,10 +11,12 @@ per observation that can occur, which is what the thesis calls sparse.
 
 With `shared`, all agents of a role learn one table.  In a step several of them may have taken the
 same action on the same row: n updates one after the other, towards the mean of their n targets,
-move the entry by 1 - (1 - rate)^n of the way, and that is what is done.
+move the entry by 1 - (1 - alpha)^n of the way, and that is what is done.
 
-Trials are an axis of the learner rather than a `vmap` over it: the tables of all trials and
-agents stand in one array, so that a step is one gather and one scatter in place.
+An array of keys in place of a key means as many trials side by side, in `init` and in `update`; the
+trials are then the leading axis of states and metrics.  It gives the same numbers as a `vmap`
+(`ethogram.learners.base.Trials`) and is faster: the tables of all trials and agents stand in one
+array, so that a step is one gather and one scatter in place.
 
 Deviations from the print: epsilon-greedy explores with probability epsilon (eq. 3.12 prints the
 opposite); ties in the argmax are broken at random (a table of zeros with first-index ties would
@@ -27,9 +29,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Float, Int, Key
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
+from ethogram.core.batching import take
 from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in
 from ethogram.core.memory import readable_bytes, readable_count, require_memory
@@ -38,92 +41,96 @@ from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
 from ethogram.core.world import PerRole, World
-from ethogram.learners.exploration import ExponentialDecay, Schedule, epsilon_greedy
-from ethogram.learners.returns import one_step
+from ethogram.learners.base import Metrics
+from ethogram.learners.distributions import epsilon_greedy
+from ethogram.learners.episodes import role_keys
+from ethogram.learners.returns import td_target
+from ethogram.learners.schedules import ExponentialDecay, Schedule
 
 
-class Learned(eqx.Module):
+class QLearningState(eqx.Module):
     """The tables, and how many episodes they have seen."""
 
-    table: PerRole  # Float[trials x tables x rows, actions] per role
-    episode: Int[Array, ""]
+    table: PerRole  # Float[*trial, table, row, action] per role
+    episode: Int[Array, "*trial"]  # the same in all trials side by side
 
 
 class _Step(eqx.Module):
     """What one step of an episode hands to the next."""
 
-    table: PerRole
+    table: PerRole  # Float[trials x tables x rows, actions] per role
     world: Any  # state, with a leading axis of trials
     cell: PerRole  # Int[trials, agents]: the table row that each agent stands on
     values: PerRole  # Float[actions, trials x agents]: what stands in it
-    active: PerRole  # Bool[trials, agents]: whether its episode still runs
+    running: PerRole  # Bool[trials, agents]: whether its episode still is
     return_: PerRole  # Float[trials, agents]: reward so far
 
 
 class QLearning(Module):
     """Tabular Q-learners, independent of each other, in a world given by the caller.
 
-    `init() -> learned`, `update(keys, learned) -> (learned, metrics)` plays and learns from one
-    episode per trial, `policy(learned, trial)` acts in one trial's world.
+    An update plays and learns from one episode.
     """
 
     world: World
     epsilon: Schedule = ExponentialDecay()
-    rate: Number = setting(0.1, Annotated[float, Field(ge=0, le=1)])
+    learning_rate: Number = setting(0.1, Annotated[float, Field(ge=0, le=1)])
     discount: Number = setting(0.9, Annotated[float, Field(ge=0, le=1)])
-    trials: int = eqx.field(static=True, default=1)
     shared: bool = eqx.field(static=True, default=False)  # one table for all agents of a role
 
-    def init(self) -> Learned:
+    def init(self, key: Key[Array, "*trial"]) -> QLearningState:
         """Tables of zeros.
+
+        Args:
+            key: nothing is left to chance; its shape says how many trials there are.
 
         Raises:
             EthogramError: a role's observations or actions are not `Discrete`.
             TooLarge: the tables would not fit in memory; the message names the size.
 
         """
-        require_memory(f"Q-learning with {self.size}", self.table_bytes)
+        size, needed = self.size(key.size), self.table_bytes(key.size)
+        require_memory(f"Q-learning with {size}", needed)
         table = {}
         for role in self.world.roles:
             tables, rows, actions = self._sizes(role)
-            cells = self.trials * tables * rows
-            if cells > LARGEST_INDEX:
+            if key.size * tables * rows > LARGEST_INDEX:
                 raise TooLarge(
-                    f"Q-learning with {self.size} ({readable_bytes(self.table_bytes)}) has "
-                    f"more rows than 32 bits can number; run fewer trials in one case."
+                    f"Q-learning with {size} ({readable_bytes(needed)}) has more rows than 32 "
+                    "bits can number; run fewer trials in one case."
                 )
-            table[role] = jnp.zeros((cells, actions))
-        return Learned(table, jnp.int32(0))
+            table[role] = jnp.zeros((*key.shape, tables, rows, actions))
+        return QLearningState(table, jnp.zeros(key.shape, jnp.int32))
 
-    @property
-    def table_bytes(self) -> int:
-        """Memory that the tables of all trials need."""
+    def table_bytes(self, trials: int = 1) -> int:
+        """Memory that the tables of some trials need."""
         sizes = [self._sizes(role) for role in self.world.roles]
-        return 4 * self.trials * sum(tables * rows * actions for tables, rows, actions in sizes)
+        return 4 * trials * sum(tables * rows * actions for tables, rows, actions in sizes)
 
     def update(
-        self, keys: Key[Array, "trials"], learned: Learned
-    ) -> tuple[Learned, dict[str, PerRole]]:
+        self, key: Key[Array, "*trial"], state: QLearningState
+    ) -> tuple[QLearningState, Metrics]:
         """Play one episode in every trial and learn from each step.
 
         Args:
-            keys: one per trial, consumed.
-            learned: tables and episode number; donate them (`ethogram.learners.train` does).
+            key: one per trial, consumed.
+            state: tables and episode number; donate them (`ethogram.learners.train` does).
 
         Returns:
-            The state after, and metrics: `return`, Float[trials, agents] per role.
+            The state after, and metrics: `episode_return`, Float[*trial, 1, agent] per role.
 
         """
-        epsilon = self.epsilon(learned.episode)
-        for_start, for_choices, for_world = (fold_in(keys, use) for use in range(3))
-        state, observation = jax.vmap(self.world.reset)(for_start)
+        epsilon = self.epsilon(state.episode.reshape(-1)[0])
+        for_start, for_choices, for_world = (fold_in(key.reshape(-1), use) for use in range(3))
+        world, observation = jax.vmap(self.world.reset)(for_start)
+        table = {role: each.reshape(-1, each.shape[-1]) for role, each in state.table.items()}
         cell = {role: self._cells(role, seen) for role, seen in observation.items()}
         start = _Step(
-            table=learned.table,
-            world=state,
+            table=table,
+            world=world,
             cell=cell,
-            values={role: _look_up(learned.table[role], at) for role, at in cell.items()},
-            active={role: jnp.ones(at.shape, bool) for role, at in cell.items()},
+            values={role: _look_up(table[role], at) for role, at in cell.items()},
+            running={role: jnp.ones(at.shape, bool) for role, at in cell.items()},
             return_={role: jnp.zeros(at.shape) for role, at in cell.items()},
         )
 
@@ -131,20 +138,23 @@ class QLearning(Module):
             return self._advance(for_choices, fold_in(for_world, time), epsilon, at, time), None
 
         end, _ = lax.scan(advance, start, jnp.arange(self.world.horizon))
-        return Learned(end.table, learned.episode + 1), {"return": end.return_}
+        after = {role: end.table[role].reshape(each.shape) for role, each in state.table.items()}
+        earned = {role: each.reshape(*key.shape, 1, -1) for role, each in end.return_.items()}
+        return QLearningState(after, state.episode + 1), {"episode_return": earned}
 
-    def policy(
-        self, learned: Learned, trial: Int[Array, ""] | int = 0, epsilon: Number = 0.0
-    ) -> Policy:
-        """Act by one trial's tables: greedy, ties at random, exploring with chance epsilon."""
+    def policy(self, state: QLearningState, *, explore: bool = False) -> Policy:
+        """Act by the tables of one trial: greedily, ties at random, or exploring as in training."""
+        epsilon = self.epsilon(state.episode) if explore else 0.0
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
             action = {}
-            for number, (role, seen) in enumerate(observation.items()):
-                tables, rows, _ = self._sizes(role)
-                cell = (trial * tables + jnp.arange(len(seen)) % tables) * rows + seen
-                bits = jax.random.bits(jax.random.fold_in(key, number), seen.shape)
-                action[role] = epsilon_greedy(_look_up(learned.table[role], cell), bits, epsilon)
+            for role, for_role in role_keys(self.world.roles, key).items():
+                tables, rows, actions = self._sizes(role)
+                agents = len(observation[role])
+                cell = jnp.arange(agents) % tables * rows + observation[role]
+                values = take(state.table[role].reshape(-1, actions), cell).T
+                bits = jax.random.bits(for_role, (agents,))
+                action[role] = epsilon_greedy(values, bits, epsilon)
             return action
 
         return act
@@ -160,25 +170,27 @@ class QLearning(Module):
         """One step of all trials: act, let the world move, learn."""
         action = {role: self._act(for_choices, epsilon, at, role, time) for role in at.cell}
         world, outcome = jax.vmap(self.world.step)(for_world, at.world, action)
-        table, cell, values, active, return_ = {}, {}, {}, {}, {}
+        table, cell, values, running, return_ = {}, {}, {}, {}, {}
         for role in at.cell:
             reward, terminated = outcome.reward[role], outcome.terminated[role]
             cell[role] = self._cells(role, outcome.observation[role])
             # read before writing: the target is made of the values of this moment
             ahead = _look_up(at.table[role], cell[role])
-            future = ahead.max(0)
-            target = one_step(reward.reshape(-1), terminated.reshape(-1), future, self.discount)
+            target = td_target(
+                reward.reshape(-1), terminated.reshape(-1), ahead.max(0), self.discount
+            )
+            counts = (at.running[role] & outcome.acting[role]).reshape(-1)
             if self.shared:
-                table[role] = self._pool(at, role, action[role], target)
+                table[role] = self._pool(at, role, action[role], target, counts)
                 values[role] = _look_up(table[role], cell[role])
             else:
-                learned = self._learn(at, role, action[role], target)
+                learned = self._learn(at, role, action[role], target, counts)
                 table[role] = _write(at.table[role], at.cell[role], learned)
                 stays = cell[role].reshape(-1) == at.cell[role].reshape(-1)
                 values[role] = jnp.where(stays, learned, ahead)
-            active[role] = at.active[role] & ~terminated & ~outcome.truncated[role]
-            return_[role] = at.return_[role] + jnp.where(at.active[role], reward, 0.0)
-        return _Step(table, world, cell, values, active, return_)
+            running[role] = at.running[role] & ~terminated & ~outcome.truncated[role]
+            return_[role] = at.return_[role] + jnp.where(at.running[role], reward, 0.0)
+        return _Step(table, world, cell, values, running, return_)
 
     def _act(
         self,
@@ -201,12 +213,12 @@ class QLearning(Module):
         role: str,
         action: Int[Array, "trials agents"],
         target: Float[Array, "agent"],
+        counts: Bool[Array, "agent"],
     ) -> Float[Array, "actions agent"]:
         """The row's values after learning: eq. 3.13 in the entry of the action taken."""
         values = at.values[role]
         taken = jnp.arange(len(values))[:, None] == action.reshape(-1)
-        counts = taken & at.active[role].reshape(-1)
-        return jnp.where(counts, values + self.rate * (target - values), values)
+        return jnp.where(taken & counts, values + self.learning_rate * (target - values), values)
 
     def _pool(
         self,
@@ -214,15 +226,16 @@ class QLearning(Module):
         role: str,
         action: Int[Array, "trials agents"],
         target: Float[Array, "agent"],
+        counts: Bool[Array, "agent"],
     ) -> Float[Array, "cells actions"]:
         """The shared tables after learning from all agents."""
         entry = at.cell[role].reshape(-1), action.reshape(-1)
-        counts = at.active[role].reshape(-1).astype(float)
+        counted = counts.astype(float)
         nothing = jnp.zeros_like(at.table[role])
-        agents = nothing.at[entry].add(counts)[entry]
-        mean = nothing.at[entry].add(counts * target)[entry] / jnp.maximum(agents, 1.0)
+        agents = nothing.at[entry].add(counted)[entry]
+        mean = nothing.at[entry].add(counted * target)[entry] / jnp.maximum(agents, 1.0)
         before = at.table[role][entry]
-        way = 1 - (1 - self.rate) ** agents
+        way = 1 - (1 - self.learning_rate) ** agents
         return at.table[role].at[entry].set(before + way * (mean - before))  # the same for each
 
     def _cells(
@@ -230,7 +243,8 @@ class QLearning(Module):
     ) -> Int[Array, "trials agents"]:
         """Where each agent's row stands in the one table."""
         tables, rows, _ = self._sizes(role)
-        own = jnp.arange(self.trials * tables, dtype=jnp.int32).reshape(self.trials, tables)
+        trials = len(observation)
+        own = jnp.arange(trials * tables, dtype=jnp.int32).reshape(trials, tables)
         return own * rows + observation
 
     def _sizes(self, role: str) -> tuple[int, int, int]:
@@ -250,15 +264,14 @@ class QLearning(Module):
             )
         return space.n
 
-    @property
-    def size(self) -> str:
-        """The tables in words."""
+    def size(self, trials: int) -> str:
+        """The tables of some trials in words."""
         sizes = {role: self._sizes(role) for role in self.world.roles}
         tables = ", ".join(
             f"{tables} {role} tables of {readable_count(rows)} x {actions}"
             for role, (tables, rows, actions) in sizes.items()
         )
-        return f"{self.trials} trials x {tables}"
+        return f"{trials} trials x {tables}"
 
 
 def _look_up(

@@ -1,16 +1,16 @@
 """The one training loop: chunks of updates under `jit`, and a callback between them.
 
-A learner has `update(key, learned) -> (learned, metrics)`.  Update number i gets the key
-`fold_in(key, i)`, and every chunk, however long, is the same compiled program.  So how many updates
-a chunk has changes no number: it is chosen by the time that the last one took, and a run that is
-stopped between chunks and taken up again goes on with the numbers it would have had.
+Update number i of a learner (`ethogram.learners.base`) gets the key `fold_in(key, i)`, and every
+chunk, however long, is the same compiled program.  So how many updates a chunk has changes no
+number: it is chosen by the time that the last one took, and a run that is stopped between chunks
+and taken up again goes on with the numbers it would have had.
 """
 
 import time
 import weakref
 from collections.abc import Callable
 from math import prod
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,11 +21,12 @@ from jaxtyping import Int, Key
 
 from ethogram.core.errors import EthogramError
 from ethogram.core.keys import fold_in
+from ethogram.learners.base import Learner, Metrics, undefined_metrics
 
-Metrics: TypeAlias = Any  # a tree; every array has the chunk's updates as its leading axis
-AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, learned, metrics)
+AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, state, metrics)
 
 CHUNK_SECONDS = 1.0  # of a chunk, unless a single update takes longer
+_INIT = 2**31 - 1  # the update that there never is, whose key draws the initial state
 _GROWTH = 8  # how many times as long as the one before a chunk may be
 _MOST_UPDATES = 1000  # of a chunk,
 _METRICS_BYTES = 16_000_000  # and what their metrics may take
@@ -36,57 +37,69 @@ class Diverged(EthogramError):
     """A learner's metrics are not finite; the message names which, and the update."""
 
 
-@runtime_checkable
-class Learner(Protocol):
-    """What `train` needs of a learner."""
+class TrainingResult(NamedTuple):
+    """The final state, and the metrics of every update, which are the leading axis.
 
-    def update(self, key: Key[Array, "..."], learned: Any) -> tuple[Any, Any]:
-        """Learn once."""
+    The metrics are None where a callback has had them, or where there was nothing left to do.
+    """
+
+    state: Any
+    metrics: Metrics | None
 
 
 def train(
     learner: Learner,
     key: Key[Array, "..."],
-    learned: Any,
     updates: int,
     *,
-    after_chunk: AfterChunk,
+    state: Any = None,
     start: int = 0,
+    after_chunk: AfterChunk | None = None,
     seconds: float = CHUNK_SECONDS,
-) -> Any:
-    """Update `learned` until `updates` updates are done.
+) -> TrainingResult:
+    """Update a learner until `updates` updates are done.
 
     Args:
         learner: any learner.
-        key: one key, or one per trial if the learner's `update` takes that.
-        learned: the learner's state after `start` updates; it is donated, do not use it again.
+        key: one key, or one per trial for a learner of many (`ethogram.learners.base.Trials`).
         updates: the number of the last update.
-        after_chunk: called with the number of updates done, the state and the chunk's metrics.
-            It may keep all of them; of a state that it keeps, the next chunk works on a copy.
-        start: how many updates `learned` has behind it, those of an earlier stage of the run among
+        state: the learner's state after `start` updates, to go on from; it is donated, do not use
+            it again.  None is `learner.init` with a key made from this one.
+        start: how many updates `state` has behind it, those of an earlier stage of the run among
             them.
+        after_chunk: called with the number of updates done, the state and the chunk's metrics, as
+            NumPy arrays with the updates as leading axis.  It may keep all of them; of a state that
+            it keeps, the next chunk works on a copy.  Without it all metrics are kept and returned.
         seconds: about how long a chunk takes; it has one update at least.  0 calls `after_chunk`
             after every update.
 
     Raises:
         Diverged: some metric, or a number of the state, is not finite; the state before the chunk
-            was the last sound one.
+            was the last sound one.  Metrics that the learner declares as `undefined_metrics` may be
+            NaN.
 
     """
+    if state is None:
+        state = eqx.filter_jit(learner.init)(fold_in(key, _INIT))
+    kept: list[Metrics] = []
     length, done = 1, start
     while done < updates:
         length = min(length, updates - done)
         began = time.monotonic()
-        learned, metrics = _run_chunk((learner, key, jnp.int32(done), jnp.int32(length)), learned)
-        _wait_for(metrics, learned)
+        state, metrics = _run_chunk((learner, key, jnp.int32(done), jnp.int32(length)), state)
+        _wait_for(metrics, state)
         metrics = jax.tree.map(lambda kept, length=length: np.array(kept[:length]), metrics)
         took = time.monotonic() - began
-        _require_finite(metrics, done)
-        _require_sound(learned, done)
+        _require_finite(metrics, undefined_metrics(learner), done)
+        _require_sound(state, done)
         done += length
-        learned = _hand_out(after_chunk, done, learned, metrics)
+        if after_chunk is None:
+            kept.append(metrics)
+        else:
+            state = _hand_out(after_chunk, done, state, metrics)
         length = _next_length(length, seconds, took, _room(metrics))
-    return learned
+    all_metrics = jax.tree.map(lambda *parts: np.concatenate(parts), *kept) if kept else None
+    return TrainingResult(state, all_metrics)
 
 
 def _next_length(length: int, seconds: float, took: float, room: int) -> int:
@@ -96,26 +109,26 @@ def _next_length(length: int, seconds: float, took: float, room: int) -> int:
 
 
 def _updates(
-    fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], Int[Array, ""]], learned: Any
+    fixed: tuple[Learner, Key[Array, "..."], Int[Array, ""], Int[Array, ""]], state: Any
 ) -> tuple[Any, Any]:
     """A chunk of updates: the state after, and every update's metrics, with room for more."""
     learner, key, first, length = fixed
 
     @jax.jit
-    def update(number: Int[Array, ""], learned: Any) -> tuple[Any, Any]:
-        return learner.update(fold_in(key, number), learned)
+    def update(number: Int[Array, ""], state: Any) -> tuple[Any, Any]:
+        return learner.update(fold_in(key, number), state)
 
-    _, one = jax.eval_shape(update, first, learned)
+    _, one = jax.eval_shape(update, first, state)
     room = _room(jax.tree.map(lambda metric: np.empty((1, *metric.shape), metric.dtype), one))
     kept = jax.tree.map(lambda metric: jnp.zeros((room, *metric.shape), metric.dtype), one)
 
     def advance(place: Int[Array, ""], at: tuple[Any, Any]) -> tuple[Any, Any]:
-        learned, metrics = update(first + place, at[0])
-        return learned, jax.tree.map(
+        state, metrics = update(first + place, at[0])
+        return state, jax.tree.map(
             lambda all_, now: lax.dynamic_update_index_in_dim(all_, now, place, 0), at[1], metrics
         )
 
-    return lax.fori_loop(0, length, advance, (learned, kept))
+    return lax.fori_loop(0, length, advance, (state, kept))
 
 
 _run_chunk = eqx.filter_jit(_updates, donate="all-except-first")
@@ -136,13 +149,13 @@ def _wait_for(*results: Any) -> None:
         pause = min(2 * pause, _LOOK_SECONDS)
 
 
-def _hand_out(after_chunk: AfterChunk, done: int, learned: Any, metrics: Metrics) -> Any:
+def _hand_out(after_chunk: AfterChunk, done: int, state: Any, metrics: Metrics) -> Any:
     """Call back; returns the state to go on with, which shares nothing with what was kept.
 
     The callback gets other names for the same memory.  What it kept of them is still alive when it
     has returned; that, and only that, is copied, since the next chunk overwrites its state.
     """
-    mine, structure = jax.tree.flatten(learned)
+    mine, structure = jax.tree.flatten(state)
     shown = [_alias(leaf) for leaf in mine]
     names = [weakref.ref(leaf) if isinstance(leaf, jax.Array) else None for leaf in shown]
     handed = [jax.tree.unflatten(structure, shown)]
@@ -163,27 +176,29 @@ def _alias(leaf: Any) -> Any:
     return jax.make_array_from_single_device_arrays(leaf.shape, leaf.sharding, parts)
 
 
-def _require_finite(metrics: Metrics, first: int) -> None:
-    broken: list[tuple[int, str]] = []
-    for path, values in jax.tree_util.tree_leaves_with_path(metrics):
-        for update, *where in np.argwhere(~np.isfinite(values))[:1].tolist():
-            name = jax.tree_util.keystr(path, simple=True, separator=".")
-            broken.append((first + update, f"{name}{where or ''}"))
-    if broken:
-        update, name = min(broken)
+def _require_finite(metrics: Metrics, undefined: frozenset[str], first: int) -> None:
+    diverged: list[tuple[int, str]] = []
+    for name, values_of_one in metrics.items():
+        is_wrong = np.isinf if name in undefined else lambda values: ~np.isfinite(values)
+        for path, values in jax.tree_util.tree_leaves_with_path({name: values_of_one}):
+            for update, *where in np.argwhere(is_wrong(values))[:1].tolist():
+                full_name = jax.tree_util.keystr(path, simple=True, separator=".")
+                diverged.append((first + update, f"{full_name}{where or ''}"))
+    if diverged:
+        update, name = min(diverged)
         raise Diverged(f"{name} is not finite at update {update}; after {first} updates all was.")
 
 
-def _require_sound(learned: Any, first: int) -> None:
+def _require_sound(state: Any, first: int) -> None:
     """A loss is computed before the step that it leads to: the last step may be what breaks."""
-    for path, finite in jax.tree_util.tree_leaves_with_path(_finite(learned)):
+    for path, finite in jax.tree_util.tree_leaves_with_path(_finite(state)):
         if not finite:
             name = jax.tree_util.keystr(path, simple=True, separator=".")
-            where = f"{name} of what is learned" if name else "what is learned"
+            where = f"{name} of the learner's state" if name else "the learner's state"
             raise Diverged(f"{where} is not finite in the end; after {first} updates all was.")
 
 
 @eqx.filter_jit
-def _finite(learned: Any) -> Any:
-    numbers = eqx.filter(learned, eqx.is_inexact_array)
+def _finite(state: Any) -> Any:
+    numbers = eqx.filter(state, eqx.is_inexact_array)
     return jax.tree.map(lambda array: jnp.isfinite(array).all(), numbers)

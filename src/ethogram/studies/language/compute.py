@@ -19,8 +19,9 @@ from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.specs import role_specs
-from ethogram.learners.joint import joint_count, network_sizes
-from ethogram.learners.maddpg import MADDPG, Learned, Playing
+from ethogram.core.wrappers import unwrapped
+from ethogram.learners.critic_input import input_count, network_sizes
+from ethogram.learners.maddpg import MADDPG, MADDPGState
 from ethogram.learners.train import Diverged, train
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, plays
 from ethogram.studies.language.validation import MODES, Watched, watch, watched_bytes
@@ -31,10 +32,10 @@ PROCESS_BYTES = 800_000_000  # Python, JAX and compiled programs
 # On one core of an ordinary machine; see benchmarks
 MULTIPLICATIONS_PER_SECOND = 25e9  # of networks
 PLAY_SECONDS = 15e-6  # per agent and step of the episodes side by side, however small
-LEARN_SECONDS = 4e-4  # per agent and round of updates, however small
+LEARN_SECONDS = 4e-4  # per agent and update, however small
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
-REPLAY = "learned.replay.rows"
+REPLAY = "state.replay_buffer.rows"
 
 Arrays = dict[str, np.ndarray]
 
@@ -42,7 +43,7 @@ Arrays = dict[str, np.ndarray]
 class Trial(NamedTuple):
     """How far a trial is."""
 
-    learned: Learned
+    state: MADDPGState
     played: int  # times
     reward: Float[np.ndarray, "point"]  # summed over the episodes of each point so far
 
@@ -50,12 +51,13 @@ class Trial(NamedTuple):
 def cost(case: Case) -> Cost:
     """About what a case takes on one core.
 
-    A checkpoint holds the replay memory twice more for a moment: as an array, and as bytes.
+    A checkpoint holds the replay buffer twice more for a moment: as an array, and as bytes.
     """
     settings = case.parsed(Settings)
     learner, validated = learner_of(settings), settings.validation_episodes
     training = plays(settings) * (
-        _play_seconds(learner, learner.episodes) + learner.rounds * _learn_seconds(learner)
+        _play_seconds(learner, learner.episodes_per_update)
+        + learner.updates_per_iteration * _learn_seconds(learner)
     )
     watching = len(MODES) * _play_seconds(learner, 2 * validated)  # with noise and without
     recorded = settings.trials * (_points(settings) + 5 * validated)
@@ -91,7 +93,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         key = keys[number]
         begun = trial or _begin(learner, fold_in(key, 0), settings)
         ended = _train(learner, fold_in(key, 1), begun, finished, settings, context)
-        watched = watch(learner, ended.learned, fold_in(key, 2), settings.validation_episodes)
+        watched = watch(learner, ended.state, fold_in(key, 2), settings.validation_episodes)
         finished.append(_kept(ended, watched, settings))
         trial = None
     scene = record(watched.start, watched.states)
@@ -106,33 +108,34 @@ def _train(
     settings: Settings,
     context: Context,
 ) -> Trial:
-    """Train a trial to its end: first it only plays, then it learns as well."""
+    """Train a trial to its end."""
     reward, planned = trial.reward, plays(settings)
-    begins = min(learner.first_plays, planned)
 
-    def after_chunk(played: int, learned: Learned, metrics: Any) -> None:
-        earned = sum(part.sum(-1) for part in metrics["reward"].values()).reshape(-1)
-        last = played * learner.episodes
+    def after_chunk(played: int, state: MADDPGState, metrics: Any) -> None:
+        earned = _earned(learner, metrics["episode_return"])
+        last = played * learner.episodes_per_update
         episode = np.arange(last - len(earned), last)
         counted = episode < settings.episodes  # the last ones played may be more than asked for
         np.add.at(reward, episode[counted] // settings.record_every, earned[counted])
         context.progress(len(finished) * planned + played, settings.trials * planned)
-        context.checkpoint(lambda: _to_arrays(Trial(learned, played, reward), finished))
+        context.checkpoint(lambda: _to_arrays(Trial(state, played, reward), finished))
 
-    learned = trial.learned
     try:
-        for stage, start, end in ((Playing(learner), 0, begins), (learner, begins, planned)):
-            learned = train(
-                stage,
-                key,
-                learned,
-                end,
-                after_chunk=after_chunk,
-                start=max(start, trial.played),
-            )
+        state, _ = train(
+            learner, key, planned, state=trial.state, start=trial.played, after_chunk=after_chunk
+        )
     except Diverged as error:
         raise Diverged(f"Trial {len(finished)}: {error}") from error
-    return Trial(learned, planned, reward)
+    return Trial(state, planned, reward)
+
+
+def _earned(learner: MADDPG, returns: Arrays) -> Float[np.ndarray, "episode"]:
+    """Returns of all agents; talkers that learn nothing together earn as much as the movers do.
+
+    Each robot is guided by one other, so every distance counts for one mover and one talker.
+    """
+    total = sum(part.sum(-1) for part in returns.values()).reshape(-1)
+    return total * (len(unwrapped(learner.world).roles) / len(returns))
 
 
 def _begin(learner: MADDPG, key: Key[Array, ""], settings: Settings) -> Trial:
@@ -152,9 +155,9 @@ def _kept(trial: Trial, watched: Watched, settings: Settings) -> Arrays:
 
 
 def _to_arrays(trial: Trial, finished: Sequence[Arrays]) -> Arrays:
-    """A case as a checkpoint; of the replay memory, what is filled."""
-    arrays = {f"learned.{name}": array for name, array in to_arrays(trial.learned).items()}
-    filled = min(int(trial.learned.replay.added), len(arrays[REPLAY]))
+    """A case as a checkpoint; of the replay buffer, what is filled."""
+    arrays = {f"state.{name}": array for name, array in to_arrays(trial.state).items()}
+    filled = min(int(trial.state.replay_buffer.added), len(arrays[REPLAY]))
     arrays |= {REPLAY: arrays[REPLAY][:filled], "played": np.array(trial.played)}
     arrays["reward"] = trial.reward
     for number, kept in enumerate(finished):
@@ -171,9 +174,10 @@ def _restore(learner: MADDPG, arrays: Arrays | None) -> tuple[list[Arrays], Tria
         start = f"finished.{len(finished)}."
         finished.append(_under(start, arrays))
     like = learner.init(jax.random.key(0))
-    found = _under("learned.", arrays)
-    empty = len(like.replay.rows) - len(arrays[REPLAY])
-    found["replay.rows"] = np.pad(found["replay.rows"], ((0, empty), (0, 0)))
+    found = _under("state.", arrays)
+    rows = "replay_buffer.rows"
+    empty = len(like.replay_buffer.rows) - len(arrays[REPLAY])
+    found[rows] = np.pad(found[rows], ((0, empty), (0, 0)))
     trial = Trial(from_arrays(like, found), int(arrays["played"]), arrays["reward"])
     return finished, trial
 
@@ -215,7 +219,7 @@ def _points(settings: Settings) -> int:
 
 
 class _Networks(NamedTuple):
-    """How large those of a role are that learns."""
+    """How large those of a role are."""
 
     agents: int
     actor: int  # numbers of each
@@ -223,10 +227,9 @@ class _Networks(NamedTuple):
 
 
 def _networks(learner: MADDPG) -> list[_Networks]:
-    roles, hidden = role_specs(learner.world), (learner.hidden, learner.hidden)
+    roles, hidden = role_specs(learner.world), (learner.hidden_size, learner.hidden_size)
     return [
-        _Networks(roles[name].agents, *network_sizes(roles, name, hidden))
-        for name in learner.learning
+        _Networks(role.agents, *network_sizes(roles, name, hidden)) for name, role in roles.items()
     ]
 
 
@@ -239,15 +242,15 @@ def _play_seconds(learner: MADDPG, episodes: int) -> float:
 
 
 def _learn_seconds(learner: MADDPG) -> float:
-    """About how long a round of updates takes: networks forward and back, and all around them."""
+    """About how long an update of all agents takes: networks forward and back, and the rest."""
     networks = _networks(learner)
     agents = sum(role.agents for role in networks)
     actors = sum(role.agents * role.actor for role in networks)
     critics = sum(role.agents * role.critic for role in networks)
     per_row = 6 * critics + (agents + 3) * actors
-    return LEARN_SECONDS * agents + learner.batch * per_row / MULTIPLICATIONS_PER_SECOND
+    return LEARN_SECONDS * agents + learner.batch_size * per_row / MULTIPLICATIONS_PER_SECOND
 
 
 def _batch_bytes(learner: MADDPG) -> int:
     """What a minibatch takes: the critic's inputs, a few times, and as many again to come."""
-    return 8 * 4 * learner.batch * joint_count(role_specs(learner.world))
+    return 8 * 4 * learner.batch_size * input_count(role_specs(learner.world))

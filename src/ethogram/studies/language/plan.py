@@ -9,6 +9,7 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.wrappers import GivenPolicies
 from ethogram.learners.maddpg import MADDPG, PRESETS
 from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import NoCommunication, Optimal
@@ -105,7 +106,7 @@ PLANS = {
         description="A few conditions for a moment, to see that everything works.",
         settings=Settings(
             room=1.0,
-            learner=LearnerSettings(batch=16, warm_up=2, hidden=8),
+            learner=LearnerSettings(batch_size=16, learning_starts=32, hidden_size=8),
             episodes=48,
             validation_episodes=8,
             record_every=16,
@@ -193,19 +194,19 @@ def world_of(settings: Settings) -> Language:
 
 
 def learner_of(settings: Settings) -> MADDPG:
-    """The learners of a case, with no more memory than their episodes fill."""
-    world, learner = world_of(settings), settings.learner
-    script = {"learned": None, "no-communication": NoCommunication, "optimal": Optimal}
-    talker = script[settings.talkers]
-    played = plays(settings) * learner.episodes * world.horizon
-    learner = dataclasses.replace(learner, memory=min(learner.memory, played))
-    return MADDPG(
-        world,
-        scripted={"talker": talker(world)} if talker else {},
-        **dataclasses.asdict(learner),
-    )
+    """The learners of a case, with no more room for transitions than their episodes fill.
+
+    Where talkers are a baseline, movers alone learn, and their critics read what they observe.
+    """
+    game, learner = world_of(settings), settings.learner
+    given = {"learned": None, "no-communication": NoCommunication, "optimal": Optimal}
+    talker = given[settings.talkers]
+    world = GivenPolicies(game, {"talker": talker(game)}) if talker else game
+    played = plays(settings) * learner.episodes_per_update * game.horizon
+    learner = dataclasses.replace(learner, buffer_size=min(learner.buffer_size, played))
+    return MADDPG(world, **dataclasses.asdict(learner))
 
 
 def plays(settings: Settings) -> int:
     """How often the learners play some episodes side by side, to make up all episodes."""
-    return -(-settings.episodes // settings.learner.episodes)
+    return -(-settings.episodes // settings.learner.episodes_per_update)

@@ -13,8 +13,9 @@ from ethogram.core.rollout import Policy, rollout
 from ethogram.core.settings import Number
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, Transition
-from ethogram.learners.maddpg import MADDPG, Learned
-from ethogram.learners.returns import discounted
+from ethogram.core.wrappers import completed, unwrapped
+from ethogram.learners.maddpg import MADDPG, MADDPGState
+from ethogram.learners.returns import discounted_return
 from ethogram.studies.language.metrics import causal_influence
 from ethogram.worlds.language import Language, State
 from ethogram.worlds.language.state import distances
@@ -25,11 +26,11 @@ _EPISODES = "episodes"  # the axis of episodes played side by side
 
 def watched_bytes(learner: MADDPG, episodes: int) -> int:
     """Memory that `watch` needs: all that is seen in all episodes, and every word tried."""
-    roles, steps = role_specs(learner.world), learner.world.horizon
+    roles, steps = role_specs(unwrapped(learner.world)), learner.world.horizon
     mover, talker = roles["mover"], roles["talker"]
     words = talker.action.shape[0]
     seen = mover.agents * (mover.observation.shape[0] + 4 * words)
-    tried = LISTENED * words * mover.agents * (mover.observation.shape[0] + learner.hidden)
+    tried = LISTENED * words * mover.agents * (mover.observation.shape[0] + learner.hidden_size)
     return 4 * steps * (4 * episodes * seen + 2 * tried)
 
 
@@ -64,15 +65,16 @@ MODES = {
 
 
 @eqx.filter_jit
-def watch(learner: MADDPG, learned: Learned, key: Key[Array, ""], episodes: int) -> Watched:
+def watch(learner: MADDPG, state: MADDPGState, key: Key[Array, ""], episodes: int) -> Watched:
     """Validate a trial: the same starts in every mode, side by side."""
-    world = learner.world
+    world = unwrapped(learner.world)
     assert isinstance(world, Language)
     keys = jax.random.split(key, episodes)
 
     def play(mode: Mode, key: Key[Array, ""]) -> Transition:
-        policy = _in_mode(mode, learner, learned, episodes)
-        return rollout(world, policy, key, world.horizon)[1]
+        policy = _in_mode(mode, learner, state, episodes)
+        transitions: Transition = rollout(world, policy, key, world.horizon)[1]
+        return transitions
 
     over_episodes = jax.vmap(play, (None, 0), axis_name=_EPISODES)
     modes = jax.tree.map(lambda *flags: jnp.array(flags), *MODES.values())
@@ -82,8 +84,8 @@ def watch(learner: MADDPG, learned: Learned, key: Key[Array, ""], episodes: int)
     return Watched(
         **returns,
         discounted=overall_discounted(normal, learner.discount),
-        meaning=meaning(learner, learned),
-        influence=influence(learner, learned, normal.state),
+        meaning=meaning(learner, state),
+        influence=influence(learner, state, normal.state),
         start=jax.tree.map(lambda part: part[0, 0], normal.state),
         states=jax.tree.map(lambda part: part[0], normal.next_state),
     )
@@ -101,11 +103,14 @@ def overall_discounted(played: Transition, discount: Number) -> Float[Array, "ep
     """
     start = jax.tree.map(lambda part: part[:, 0], played.state)
     first = -2.0 * jax.vmap(distances)(start).sum(-1)
-    return discounted(jnp.concatenate([first[:, None], overall(played)], 1).T, discount)
+    return discounted_return(jnp.concatenate([first[:, None], overall(played)], 1).T, discount)
 
 
-def _in_mode(mode: Mode, learner: MADDPG, learned: Learned, episodes: int) -> Policy:
-    noisy, noise_free = learner.policy(learned), learner.policy(learned, noise=False)
+def _in_mode(mode: Mode, learner: MADDPG, state: MADDPGState, episodes: int) -> Policy:
+    noisy, noise_free = (
+        completed(learner.world, learner.policy(state, explore=explore))
+        for explore in (True, False)
+    )
     to_the_next = [(episode, (episode + 1) % episodes) for episode in range(episodes)]
 
     def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
@@ -120,22 +125,22 @@ def _in_mode(mode: Mode, learner: MADDPG, learned: Learned, episodes: int) -> Po
     return act
 
 
-def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided target word"]:
+def meaning(learner: MADDPG, state: MADDPGState) -> Float[Array, "talker guided target word"]:
     """The chance of each word for each association; NaN where a robot would guide itself.
 
     Padding is cut off by the caller, who knows the alphabet's size.
     """
-    world = learner.world
+    world = unwrapped(learner.world)
     assert isinstance(world, Language)
-    state, _ = world.reset(jax.random.key(0))
+    start, _ = world.reset(jax.random.key(0))
 
     def speak(guided: Int[Array, ""], target: Int[Array, ""]) -> Float[Array, "talker word"]:
         known = eqx.tree_at(
             lambda at: (at.guides, at.goal),
-            state,
-            (jnp.full_like(state.guides, guided), jnp.full_like(state.goal, target)),
+            start,
+            (jnp.full_like(start.guides, guided), jnp.full_like(start.goal, target)),
         )
-        return _chances("talker", learner, learned, known)
+        return _chances("talker", learner, state, known)
 
     robots = jnp.arange(world.robots)
     over_targets = jax.vmap(speak, (None, 0))
@@ -144,25 +149,27 @@ def meaning(learner: MADDPG, learned: Learned) -> Float[Array, "talker guided ta
     return jnp.where(itself, jnp.nan, jnp.moveaxis(spoken, 2, 0))
 
 
-def influence(learner: MADDPG, learned: Learned, states: State) -> Float[Array, "talker listener"]:
+def influence(
+    learner: MADDPG, state: MADDPGState, states: State
+) -> Float[Array, "talker listener"]:
     """How much each talker's word changes each robot's choice of a move, in bits.
 
     Args:
         learner: the learner.
-        learned: its agents.
+        state: of the learner.
         states: those met, with leading axes of episodes and steps; the first few are used.
 
     """
-    world = learner.world
+    world = unwrapped(learner.world)
     assert isinstance(world, Language)
     met = jax.tree.map(lambda part: part[:LISTENED].reshape(-1, *part.shape[2:]), states)
     words = jnp.eye(world.capacity + 1)
 
     def listen(
-        state: State, talker: Int[Array, ""], word: Float[Array, "word"]
+        met: State, talker: Int[Array, ""], word: Float[Array, "word"]
     ) -> Float[Array, "listener move"]:
-        heard = eqx.tree_at(lambda at: at.said, state, state.said.at[talker].set(word))
-        return _chances("mover", learner, learned, heard)
+        heard = eqx.tree_at(lambda at: at.said, met, met.said.at[talker].set(word))
+        return _chances("mover", learner, state, heard)
 
     def influence_of(talker: Int[Array, ""]) -> Float[Array, "listener"]:
         over_words = jax.vmap(listen, (None, None, 0))
@@ -174,10 +181,11 @@ def influence(learner: MADDPG, learned: Learned, states: State) -> Float[Array, 
 
 
 def _chances(
-    role: str, learner: MADDPG, learned: Learned, state: State
+    role: str, learner: MADDPG, state: MADDPGState, at: State
 ) -> Float[Array, "agent choice"]:
-    """How likely each choice of each agent is: what is drawn from, or what a script says."""
-    observation = learner.world.observe(state)
-    if role in learner.scripted:
-        return learner.scripted[role](jax.random.key(0), observation[role])
-    return jax.nn.softmax(learner.logits(learned, observation)[role])
+    """How likely each choice of each agent is: what is drawn from, or what a given policy says."""
+    observation = unwrapped(learner.world).observe(at)
+    if role not in learner.world.roles:
+        policy = completed(learner.world, learner.policy(state))
+        return policy(jax.random.key(0), observation)[role]
+    return jax.nn.softmax(learner.actor_outputs(state, observation)[role])

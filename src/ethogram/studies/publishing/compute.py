@@ -20,7 +20,7 @@ from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.rollout import Policy
 from ethogram.core.scene import RECORDED, Scene
 from ethogram.core.world import PerRole, World
-from ethogram.learners.qlearning import Learned, QLearning
+from ethogram.learners.qlearning import QLearning, QLearningState
 from ethogram.learners.train import train
 from ethogram.studies.publishing import records
 from ethogram.studies.publishing.condition import DEFAULT
@@ -84,7 +84,7 @@ def cost(case: Case) -> Cost:
         seconds=COMPILE_SECONDS + turns * (steps * STEP_SECONDS + work / AUTHOR_STEPS_PER_SECOND),
         bytes=PROCESS_BYTES
         + 2 * (world.state_bytes + seen) * (1 if learner is None else settings.trials)
-        + (0 if learner is None else 3 * learner.table_bytes)
+        + (0 if learner is None else 3 * learner.table_bytes(settings.trials))
         + RECORDED_BYTES * recorded,
     )
 
@@ -109,8 +109,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     if learner is None:
         watched = _watch(world_of(settings), Always(policy_of(settings)), fold_in(keys, 1))
     else:
-        learned, curve = _train(learner, fold_in(keys, 0), settings, context)
-        watched = _watch(learner.world, Greedy(learner, learned), fold_in(keys, 1))
+        state, curve = _train(learner, fold_in(keys, 0), settings, context)
+        watched = _watch(learner.world, Greedy(learner, state), fold_in(keys, 1))
     played = jax.tree.map(np.asarray, watched)
     found = {"results": _label(settings, played, curve)}
     if condition.reading == DEFAULT:
@@ -142,11 +142,11 @@ class Greedy(eqx.Module):
     """In every trial, what was learned in it, without exploration."""
 
     learner: QLearning
-    learned: Learned
+    state: QLearningState
 
     def __call__(self, trial: Int[Array, ""]) -> Policy:
         """The greedy policy of a trial."""
-        return self.learner.policy(self.learned, trial)
+        return self.learner.policy(jax.tree.map(lambda part: part[trial], self.state))
 
 
 @eqx.filter_jit
@@ -217,30 +217,25 @@ def _look(world: Publishing, state: State, most: int) -> Year:
 
 def _train(
     learner: QLearning, keys: Key[Array, "trial"], settings: Settings, context: Context
-) -> tuple[Learned, np.ndarray]:
+) -> tuple[QLearningState, np.ndarray]:
     """Train, from the last checkpoint if there is one; return what was earned per episode."""
-    learned, curve = learner.init(), np.zeros((0, settings.trials))
+    state, curve = learner.init(keys), np.zeros((0, settings.trials))
     found = context.restore()
     if found is not None:
         curve = found.pop("curve")
-        learned = from_arrays(learned, found)
+        state = from_arrays(state, found)
 
-    def after_chunk(done: int, learned: Learned, metrics: Any) -> None:
+    def after_chunk(done: int, state: QLearningState, metrics: Any) -> None:
         nonlocal curve
-        ((_, return_),) = metrics["return"].items()
-        curve = np.concatenate([curve, return_.mean(2)])
+        ((_, return_),) = metrics["episode_return"].items()
+        curve = np.concatenate([curve, return_[:, :, 0].mean(2)])
         context.progress(done, settings.episodes)
-        context.checkpoint(lambda: to_arrays(learned) | {"curve": curve})
+        context.checkpoint(lambda: to_arrays(state) | {"curve": curve})
 
-    learned = train(
-        learner,
-        keys,
-        learned,
-        settings.episodes,
-        after_chunk=after_chunk,
-        start=len(curve),
+    state, _ = train(
+        learner, keys, settings.episodes, state=state, start=len(curve), after_chunk=after_chunk
     )
-    return learned, curve
+    return state, curve
 
 
 def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.Dataset:

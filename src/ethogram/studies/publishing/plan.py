@@ -12,8 +12,9 @@ from ethogram.campaign.settings_json import flatten, to_json
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import settings_class, settings_of
-from ethogram.learners.exploration import ExponentialDecay
+from ethogram.core.wrappers import RolePolicies, RolePolicy
 from ethogram.learners.qlearning import QLearning
+from ethogram.learners.schedules import ExponentialDecay
 from ethogram.studies.publishing.condition import (
     BIG,
     Author,
@@ -33,9 +34,7 @@ from ethogram.worlds.publishing.policies import (
     Random,
     Ranking,
     Remainder,
-    RolePolicy,
     Scrutiny,
-    Together,
 )
 
 NAME = "publishing"
@@ -199,7 +198,7 @@ def editor_of(settings: Settings) -> RolePolicy:
 
 def policy_of(settings: Settings) -> Policy:
     """What both do in a case in which nobody learns."""
-    return Together(author_of(settings), editor_of(settings))
+    return RolePolicies({"author": author_of(settings), "editor": editor_of(settings)})
 
 
 def learner_of(settings: Settings) -> QLearning | None:
@@ -218,6 +217,5 @@ def learner_of(settings: Settings) -> QLearning | None:
         world,
         ExponentialDecay(**dataclasses.asdict(settings.exploration)),
         **dataclasses.asdict(settings.learner),
-        trials=settings.trials,
         shared=settings.table == "shared",
     )

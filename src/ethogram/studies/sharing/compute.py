@@ -16,7 +16,7 @@ from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.learners.qlearning import Learned, QLearning
+from ethogram.learners.qlearning import QLearning, QLearningState
 from ethogram.learners.train import train
 from ethogram.studies.sharing.plan import Settings, learner_of
 from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched, watch
@@ -48,7 +48,7 @@ def cost(case: Case) -> Cost:
         + steps * STEP_SECONDS
         + episodes * per_episode / AGENT_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
-        + 3 * learner.table_bytes
+        + 3 * learner.table_bytes(settings.trials)
         + TRANSITION_BYTES * per_episode
         + RECORDED_BYTES * recorded,
     )
@@ -68,10 +68,15 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     settings = case.parsed(Settings)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
-    require_memory(f"Q-learning with {learner.size}", cost(case).bytes)
-    learned, curves = _train(learner, fold_in(keys, 0), settings, context)
-    random = jnp.float32(settings.strategy == "random")
-    watched = watch(learner, learned, fold_in(keys, 1), settings.validation_episodes, random)
+    require_memory(f"Q-learning with {learner.size(settings.trials)}", cost(case).bytes)
+    state, curves = _train(learner, fold_in(keys, 0), settings, context)
+    watched = watch(
+        learner,
+        state,
+        fold_in(keys, 1),
+        settings.validation_episodes,
+        explore=settings.strategy == "random",
+    )
     watched = jax.tree.map(np.asarray, watched)
     scenes = []
     for trial in range(min(RECORDED, settings.trials)):
@@ -87,37 +92,32 @@ def _agent_steps(settings: Settings) -> int:
 
 def _train(
     learner: QLearning, keys: Key[Array, "trials"], settings: Settings, context: Context
-) -> tuple[Learned, dict[str, np.ndarray]]:
+) -> tuple[QLearningState, dict[str, np.ndarray]]:
     """Train, from the last checkpoint if there is one; return the learning curves."""
     points = -(-settings.episodes // settings.record_every)
     sums = {name: np.zeros((points, settings.trials)) for name in ("return", "inequality")}
-    learned, start = learner.init(), 0
+    state, start = learner.init(keys), 0
     found = context.restore()
     if found is not None:
         sums = {name: found.pop(f"sum.{name}") for name in sums}
-        learned = from_arrays(learned, found)
-        start = int(learned.episode)
+        state = from_arrays(state, found)
+        start = int(state.episode[0])
 
-    def after_chunk(done: int, learned: Learned, metrics: Any) -> None:
-        return_ = metrics["return"]["agent"]
+    def after_chunk(done: int, state: QLearningState, metrics: Any) -> None:
+        return_ = metrics["episode_return"]["agent"][:, :, 0]
         point = np.arange(done - len(return_), done) // settings.record_every
         np.add.at(sums["return"], point, return_.mean(2))
         np.add.at(sums["inequality"], point, inequality(return_))
         context.progress(done, settings.episodes)
         context.checkpoint(
-            lambda: to_arrays(learned) | {f"sum.{name}": total for name, total in sums.items()}
+            lambda: to_arrays(state) | {f"sum.{name}": total for name, total in sums.items()}
         )
 
-    learned = train(
-        learner,
-        keys,
-        learned,
-        settings.episodes,
-        after_chunk=after_chunk,
-        start=start,
+    state, _ = train(
+        learner, keys, settings.episodes, state=state, start=start, after_chunk=after_chunk
     )
     episodes = np.bincount(np.arange(settings.episodes) // settings.record_every)
-    return learned, {name: total / episodes[:, None] for name, total in sums.items()}
+    return state, {name: total / episodes[:, None] for name, total in sums.items()}
 
 
 def inequality(return_: np.ndarray) -> np.ndarray:

@@ -8,8 +8,8 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
-from ethogram.learners.exploration import Constant, ExponentialDecay
 from ethogram.learners.qlearning import QLearning
+from ethogram.learners.schedules import Constant, ExponentialDecay
 from ethogram.worlds.sharing import Sharing
 from ethogram.worlds.sharing.reward import Scenario
 
@@ -128,10 +128,9 @@ def learner_of(settings: Settings) -> QLearning:
     if settings.strategy == "random":
         unseeing = dataclasses.replace(settings.world, observe_filling=False)
         world = world_of(dataclasses.replace(settings, world=unseeing))
-        return QLearning(world, Constant(1.0), rate=0.0, trials=settings.trials)
+        return QLearning(world, Constant(1.0), learning_rate=0.0)
     return QLearning(
         world_of(settings),
         ExponentialDecay(**dataclasses.asdict(settings.exploration)),
         **dataclasses.asdict(settings.learner),
-        trials=settings.trials,
     )

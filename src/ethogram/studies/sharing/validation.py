@@ -11,7 +11,7 @@ from jaxtyping import Float, Int, Key
 from ethogram.core.keys import fold_in
 from ethogram.core.rollout import rollout
 from ethogram.core.world import Transition
-from ethogram.learners.qlearning import Learned, QLearning
+from ethogram.learners.qlearning import QLearning, QLearningState
 from ethogram.worlds.sharing import Sharing, State
 
 ACTS = ("confirm, silent", "confirm, speaking", "change, silent", "change, speaking")
@@ -45,29 +45,32 @@ class Watched(NamedTuple):
 @eqx.filter_jit
 def watch(
     learner: QLearning,
-    learned: Learned,
+    state: QLearningState,
     keys: Key[Array, "trial"],
     episodes: int,
-    epsilon: Float[Array, ""],
+    *,
+    explore: bool,
 ) -> Watched:
     """Validate all trials side by side, one episode after the other to keep memory low."""
     world = learner.world
     assert isinstance(world, Sharing)
 
-    def play(trial: Int[Array, ""], key: Key[Array, ""]) -> Transition:
-        return rollout(world, learner.policy(learned, trial, epsilon), key, world.steps)[1]
+    def play(state: QLearningState, key: Key[Array, ""]) -> Transition:
+        policy = learner.policy(state, explore=explore)
+        transitions: Transition = rollout(world, policy, key, world.steps)[1]
+        return transitions
 
     def watch_one(
         so_far: tuple[Seen, Episode], number: Int[Array, ""]
     ) -> tuple[tuple[Seen, Episode], Float[Array, "trial agent"]]:
         total, first = so_far
-        played = jax.vmap(play)(jnp.arange(learner.trials), fold_in(keys, number))
+        played = jax.vmap(play)(state, fold_in(keys, number))
         seen = jax.vmap(lambda one: summarise(one, world))(played)
         episode = Episode(played.next_state, played.outcome.reward["agent"])
         first = jax.tree.map(lambda new, old: jnp.where(number == 0, new, old), episode, first)
         return (jax.tree.map(jnp.add, total, seen), first), episode.reward.sum(1)
 
-    nothing = _nothing(learner.trials, world)
+    nothing = _nothing(len(keys), world)
     (total, first), returns = lax.scan(watch_one, nothing, jnp.arange(episodes))
     mean = jax.tree.map(lambda part: part / episodes, total)
     return Watched(returns.swapaxes(0, 1), mean, first)

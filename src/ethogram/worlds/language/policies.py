@@ -5,14 +5,13 @@ every association of a robot with a target.  Movers, as references for what can 
 `Informed` is told its own target by optimal talkers, `Uninformed` listens to nobody.
 
 Each is a policy of one role, `(key, observation) -> weights` with the role's agents as leading
-axis; `joint` makes a policy of the whole world of one per role.
+axis; `ethogram.core.wrappers.RolePolicies` makes a policy of the whole world of one per role.
 
 Movers know offsets and no velocity.  With o the offset of a goal, per axis, they accelerate by
 a = sign(o) |k o|^q, divided by max(1, |a|_1): weights of the moves, hence for `execution="soft"`.
 k and q were tuned for the damped dynamics; the policies are good, not proven optimal.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,11 +22,7 @@ from jaxtyping import Float, Key
 
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.module import Module
-from ethogram.core.rollout import Policy
-from ethogram.core.world import PerRole
 from ethogram.worlds.language.world import MOVES, Language
-
-RolePolicy = Callable[[Key[Array, ""], Array], Array]  # (key, observation) -> weights
 
 
 class Pull(NamedTuple):
@@ -39,19 +34,6 @@ class Pull(NamedTuple):
 
 INFORMED = Pull(15.0, 0.85)
 UNINFORMED = {1: INFORMED, 2: Pull(20.0, 2.0), 3: Pull(20.0, 1.2), 4: Pull(20.0, 1.5)}  # by n_t
-
-
-def joint(**policies: RolePolicy) -> Policy:
-    """One policy for all roles, each named by its keyword: `joint(mover=..., talker=...)`."""
-
-    def policy(key: Key[Array, ""], observation: PerRole) -> PerRole:
-        keys = jax.random.split(key, len(policies))
-        return {
-            role: act(each, observation[role])
-            for each, (role, act) in zip(keys, policies.items(), strict=True)
-        }
-
-    return policy
 
 
 class NoCommunication(Module):

@@ -30,7 +30,8 @@ from ethogram.core.keys import branch
 from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
-from ethogram.worlds.publishing.policies import Ranking, RolePolicy
+from ethogram.core.wrappers import RolePolicy
+from ethogram.worlds.publishing.policies import Ranking
 from ethogram.worlds.publishing.state import State as Inner
 from ethogram.worlds.publishing.world import Publishing
 

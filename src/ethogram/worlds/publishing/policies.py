@@ -6,7 +6,6 @@ rejection.  Editors: `editor(share)` turns away what is below a quantile of what
 published.
 """
 
-from collections.abc import Callable
 from typing import Literal
 
 import equinox as eqx
@@ -16,14 +15,12 @@ from jaxtyping import Float, Int, Key, UInt32
 
 from ethogram.core.batching import put, take
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.keys import branch, random_words, scaled
+from ethogram.core.keys import random_words, scaled
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
-from ethogram.core.world import PerRole
+from ethogram.core.wrappers import RolePolicies, RolePolicy
 from ethogram.worlds.publishing.world import ACCEPT_ALL, Publishing
-
-RolePolicy = Callable[[Key[Array, ""], Array], Array]  # (key, observation) -> action
 
 SHARES = {"accept_everything": ACCEPT_ALL, "mild_scrutiny": 0.25, "improve_only": 0.5}
 MAX_REJECTIONS = 10
@@ -153,18 +150,4 @@ def static(world: Publishing, author: str, editor: str) -> Policy:
     for what, name, known in (("author", author, authors), ("editor", editor, SHARES)):
         if name not in known:
             raise InvalidSettings(f"{what} = {name!r}; allowed: {', '.join(known)}.")
-    return Together(authors[author], Scrutiny(SHARES[editor]))
-
-
-class Together(Module):
-    """A policy of both roles."""
-
-    author: RolePolicy
-    editor: RolePolicy
-
-    def __call__(self, key: Key[Array, ""], observation: PerRole) -> PerRole:
-        """Each role acts on what it sees."""
-        return {
-            "author": self.author(branch(key, 0), observation["author"]),
-            "editor": self.editor(branch(key, 1), observation["editor"]),
-        }
+    return RolePolicies({"author": authors[author], "editor": Scrutiny(SHARES[editor])})

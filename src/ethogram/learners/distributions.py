@@ -1,19 +1,11 @@
-"""How learners try what does not seem best, and how that changes as they learn."""
+"""Actions drawn from what a learner makes of them: by their values, by their logits."""
 
-from abc import abstractmethod
-from typing import Annotated
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Float, Int, Key, UInt32
-from pydantic import Field
 
-from ethogram.core.module import Module
-from ethogram.core.settings import Number, setting
-
-Probability = Annotated[float, Field(ge=0, le=1)]
+from ethogram.core.settings import Number
 
 HALF = 16  # bits of a random word that decide whether to explore; the others choose
 
@@ -69,46 +61,3 @@ def gumbel_softmax(
         return weights
     heaviest = jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
     return weights + lax.stop_gradient(heaviest - weights)
-
-
-class Schedule(Module):
-    """A value for each update of a learner, counted from 0 (for Q-learning, each episode)."""
-
-    @abstractmethod
-    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
-        """The value at this update."""
-
-
-class Constant(Schedule):
-    """The same value throughout."""
-
-    value: Number = eqx.field(converter=jnp.asarray)
-
-    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
-        """The value, whatever the update."""
-        return jnp.full_like(update, self.value, dtype=jnp.float32)
-
-
-class ExponentialDecay(Schedule):
-    """start x decay^update, but never below end."""
-
-    start: Number = setting(1.0, Probability)
-    end: Number = setting(0.01, Probability)
-    decay: Number = setting(0.9995, Probability)
-
-    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
-        """The decayed value."""
-        return jnp.maximum(self.end, self.start * jnp.power(self.decay, update))
-
-
-class Linear(Schedule):
-    """From start to end in equal steps over a number of updates, then end."""
-
-    start: Number = eqx.field(converter=jnp.asarray)
-    end: Number = eqx.field(converter=jnp.asarray)
-    updates: Number = eqx.field(converter=jnp.asarray)
-
-    def __call__(self, update: Int[Array, ""]) -> Float[Array, ""]:
-        """The interpolated value."""
-        passed = jnp.clip(update / self.updates, 0.0, 1.0)
-        return self.start + passed * (self.end - self.start)

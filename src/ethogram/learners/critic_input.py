@@ -1,4 +1,4 @@
-"""What a central critic reads: what all agents of all roles saw, then what all of them did.
+"""The input of a central critic: what all agents of all roles observe, then what all of them do.
 
 Roles come in alphabetical order, as trees of arrays keep them.
 """
@@ -15,32 +15,32 @@ from ethogram.learners.networks import MLP, feature_count, features, used_featur
 Roles = Mapping[str, Role]
 
 
-def seen(roles: Roles, observation: PerRole) -> PerRole:
-    """Observations as numbers to read: Float[..., agents, feature] per role."""
+def encode_observations(roles: Roles, observation: PerRole) -> PerRole:
+    """Observations as numbers for a network: Float[..., agents, feature] per role."""
     return {name: features(roles[name].observation, observation[name]) for name in sorted(roles)}
 
 
-def done(roles: Roles, action: PerRole) -> PerRole:
-    """Actions as numbers to read: Float[..., agents, choice] per role."""
+def encode_actions(roles: Roles, action: PerRole) -> PerRole:
+    """Actions as numbers for a network: Float[..., agents, feature] per role."""
     return {name: features(roles[name].action, action[name]) for name in sorted(roles)}
 
 
-def joint(seen: PerRole, done: PerRole) -> Float[Array, "batch input"]:
-    """Observations and actions of all agents next to each other."""
-    parts = [part[name] for part in (seen, done) for name in sorted(part)]
+def critic_input(observation: PerRole, action: PerRole) -> Float[Array, "batch input"]:
+    """Encoded observations and actions of all agents next to each other."""
+    parts = [part[name] for part in (observation, action) for name in sorted(part)]
     return jnp.concatenate([part.reshape(len(part), -1) for part in parts], -1)
 
 
-def joint_used(roles: Roles) -> Bool[Array, "input"]:
-    """Which entries of `joint` can be other than zero."""
+def used_inputs(roles: Roles) -> Bool[Array, "input"]:
+    """Which entries of `critic_input` can be other than zero."""
     ordered = [roles[name] for name in sorted(roles)]
     spaces = [(role.observation, role.agents) for role in ordered]
     spaces += [(role.action, role.agents) for role in ordered]
     return jnp.concatenate([jnp.tile(used_features(space), agents) for space, agents in spaces])
 
 
-def joint_count(roles: Roles) -> int:
-    """How many entries `joint` has."""
+def input_count(roles: Roles) -> int:
+    """How many entries `critic_input` has."""
     return sum(
         role.agents * (feature_count(role.observation) + feature_count(role.action))
         for role in roles.values()
@@ -51,11 +51,11 @@ def network_sizes(roles: Roles, role: str, hidden: Sequence[int]) -> tuple[int, 
     """How many numbers an actor of a role has, and its critic, with these hidden layers."""
     own = roles[role]
     actor = MLP.numbers(feature_count(own.observation), hidden, feature_count(own.action))
-    return actor, MLP.numbers(joint_count(roles), hidden, 1)
+    return actor, MLP.numbers(input_count(roles), hidden, 1)
 
 
 def own_action(roles: Roles, role: str, agent: int) -> slice:
-    """Where an agent's action stands in `joint`."""
+    """Where an agent's action stands in `critic_input`."""
     before = sum(each.agents * feature_count(each.observation) for each in roles.values())
     before += sum(
         roles[name].agents * feature_count(roles[name].action)

@@ -7,10 +7,10 @@ import pytest
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import rollout
 from ethogram.physics.beams3d import centre
-from ethogram.worlds.softbody3d import SoftBody3D
-from ethogram.worlds.softbody3d.controllers import NonSensing, Sensing, policy
-from ethogram.worlds.softbody3d.gravity import program, schedule
-from ethogram.worlds.softbody3d.locomotion import Journey, travel
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.controllers import NonSensing, Sensing, policy
+from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.simulation import SimulationResult, simulate
 
 STEPS, ROBOTS = 40, 5
 
@@ -31,18 +31,25 @@ def even():
 
 
 class Centre(eqx.Module):
-    """Watches where robots are: a module, so that journeys alike share a program."""
+    """Records where robots are: a module, so that simulations alike share a program."""
 
     world: SoftBody3D
 
     def __call__(self, state):
-        return centre(self.world.lattice, state)
+        return centre(self.world.body, state)
 
 
-def journey(world, genes, gravity, every=None, abreast=16) -> Journey:
-    watch = Centre(world) if every else None
-    go = eqx.filter_jit(travel)
-    return go(world, Sensing(4), genes, gravity, watch=watch, every=every, abreast=abreast)
+def simulated(world, genes, gravity, every=None, block_size=16) -> SimulationResult:
+    record = Centre(world) if every else None
+    return eqx.filter_jit(simulate)(
+        world,
+        Sensing(4),
+        genes,
+        gravity,
+        record=record,
+        record_every=every,
+        block_size=block_size,
+    )
 
 
 def test_the_fast_way_is_the_worlds_own_way():
@@ -53,7 +60,7 @@ def test_the_fast_way_is_the_worlds_own_way():
     with jax.enable_x64(True):
         world = SoftBody3D(body="####", steps=STEPS)
         genes = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (51, ROBOTS)))
-        found = journey(world, genes, schedule("even", STEPS))
+        found = simulated(world, genes, schedule("even", STEPS))
 
         @jax.jit
         def played(parameters):
@@ -66,39 +73,39 @@ def test_the_fast_way_is_the_worlds_own_way():
         np.testing.assert_allclose(found.distance, alone, rtol=1e-6)
 
 
-def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_watched(world, genes, even):
+def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_recorded(world, genes, even):
     """To the last bit: what is simulated again goes the same way."""
-    together = journey(world, genes, even, abreast=None)
+    together = simulated(world, genes, even, block_size=None)
     for order, every in ((np.arange(ROBOTS)[::-1], None), (np.tile([2, 0], 80), 10)):
-        found = journey(world, genes[:, order], even, every, abreast=None)
+        found = simulated(world, genes[:, order], even, every, block_size=None)
         np.testing.assert_array_equal(found.distance, together.distance[order])
-    assert found.seen.shape == (4, 3, 160)
-    np.testing.assert_array_equal(found.seen[..., ::2], found.seen[..., :1].repeat(80, -1))
+    assert found.recorded.shape == (4, 3, 160)
+    np.testing.assert_array_equal(found.recorded[..., ::2], found.recorded[..., :1].repeat(80, -1))
 
 
 def test_robots_simulated_one_by_one_go_nearly_as_far(world, genes, even):
-    alone = journey(world, genes, even, abreast=1)
-    together = journey(world, genes, even)
+    alone = simulated(world, genes, even, block_size=1)
+    together = simulated(world, genes, even)
     np.testing.assert_allclose(alone.distance, together.distance, rtol=1e-3, atol=1e-4)
 
 
 def test_each_robot_may_have_a_gravity_of_its_own(world, genes):
     programs = ["flat", "step", "sin", "evolution", "even"]
     schedules = [schedule(program(name), STEPS) for name in programs]
-    apart = [journey(world, genes[:, :1], gravity).distance[0] for gravity in schedules]
+    apart = [simulated(world, genes[:, :1], gravity).distance[0] for gravity in schedules]
     same = jnp.tile(genes[:, :1], (1, ROBOTS))
-    together = journey(world, same, jnp.stack(schedules, -1)).distance
+    together = simulated(world, same, jnp.stack(schedules, -1)).distance
     np.testing.assert_array_equal(together, apart)
     assert len({round(float(distance), 9) for distance in apart}) == ROBOTS
 
 
-def test_a_broken_robot_has_no_distance_and_the_others_keep_theirs(world, even):
+def test_a_robot_that_diverges_has_no_distance_and_the_others_keep_theirs(world, even):
     genes = jnp.zeros((8, 3))
-    sound = eqx.filter_jit(travel)(world, NonSensing(4), genes, even)
+    sound = eqx.filter_jit(simulate)(world, NonSensing(4), genes, even)
     genes = genes.at[0, 1].set(jnp.nan)
-    found = eqx.filter_jit(travel)(world, NonSensing(4), genes, even)
-    np.testing.assert_array_equal(found.broken, [False, True, False])
-    np.testing.assert_array_equal(jnp.isnan(found.distance), found.broken)
+    found = eqx.filter_jit(simulate)(world, NonSensing(4), genes, even)
+    np.testing.assert_array_equal(found.diverged, [False, True, False])
+    np.testing.assert_array_equal(jnp.isnan(found.distance), found.diverged)
     np.testing.assert_array_equal(found.distance[::2], sound.distance[::2])
 
 
@@ -107,11 +114,13 @@ def test_distances_have_the_gradient_in_the_parameters_that_differences_show(kin
     with jax.enable_x64(True):
         world, controller = SoftBody3D(body="####"), kind(4)
         gravity = schedule("even", 30)
-        genes = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (controller.genes, 1)))
+        genes = jnp.asarray(
+            np.random.default_rng(0).uniform(-1, 1, (controller.search_space.size, 1))
+        )
 
         @jax.jit
         def gone(genes):
-            return travel(world, controller, genes, gravity, abreast=1).distance[0]
+            return simulate(world, controller, genes, gravity, block_size=1).distance[0]
 
         slope = np.asarray(jax.jit(jax.grad(gone))(genes))
         nudges = 1e-6 * jnp.eye(len(genes))[..., None]
@@ -121,11 +130,11 @@ def test_distances_have_the_gradient_in_the_parameters_that_differences_show(kin
     np.testing.assert_allclose(slope[:, 0], differences, rtol=1e-3, atol=1e-9)
 
 
-def test_looks_must_divide_the_steps(world, genes, even):
-    with pytest.raises(InvalidSettings, match="every = 7: it should divide the 40 steps"):
-        travel(world, Sensing(4), genes, even, every=7)
+def test_samples_must_divide_the_steps(world, genes, even):
+    with pytest.raises(InvalidSettings, match="record_every = 7: it should divide the 40 steps"):
+        simulate(world, Sensing(4), genes, even, record_every=7)
 
 
 def test_a_block_has_robots(world, genes, even):
-    with pytest.raises(InvalidSettings, match="abreast = 0: it should be at least 1"):
-        travel(world, Sensing(4), genes, even, abreast=0)
+    with pytest.raises(InvalidSettings, match="block_size = 0: it should be at least 1"):
+        simulate(world, Sensing(4), genes, even, block_size=0)

@@ -1,0 +1,61 @@
+"""Episodes played side by side by one policy, and what each agent earned in them."""
+
+from collections.abc import Iterable
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Key
+
+from ethogram.core.rollout import Policy, rollout
+from ethogram.core.world import PerRole, Transition, World
+
+
+def role_keys(roles: Iterable[str], key: Key[Array, ""]) -> dict[str, Key[Array, ""]]:
+    """A random key for each role, by the role's number in the order of the world's."""
+    return {role: jax.random.fold_in(key, number) for number, role in enumerate(roles)}
+
+
+def play_episodes(world: World, policy: Policy, key: Key[Array, ""], episodes: int) -> Transition:
+    """Transitions of some episodes: arrays have the episodes and then the steps as leading axes.
+
+    Each takes the world's `horizon` of steps; one that ends before is followed by another.
+    """
+
+    def play(key: Key[Array, ""]) -> Transition:
+        transitions: Transition = rollout(world, policy, key, world.horizon)[1]
+        return transitions
+
+    return jax.vmap(play)(jax.random.split(key, episodes))
+
+
+def in_first_episode(transitions: Transition) -> PerRole:
+    """Which steps each agent took before its first episode ended, that step included.
+
+    Args:
+        transitions: arrays with axes of batches, then of steps.
+
+    Returns:
+        Bool[*batch, step, agent] per role.
+
+    """
+    outcome, found = transitions.outcome, {}
+    for role in outcome.terminated:
+        ended = outcome.terminated[role] | outcome.truncated[role]
+        found[role] = jnp.cumsum(ended, axis=-2) - ended == 0
+    return found
+
+
+def episode_returns(transitions: Transition) -> PerRole:
+    """What each agent earned in its first episode, not discounted: Float[*batch, agent] per role.
+
+    Args:
+        transitions: arrays with axes of batches, then of steps.
+
+    """
+    counted = in_first_episode(transitions)
+    returns = {}
+    for role, reward in transitions.outcome.reward.items():
+        some = jnp.where(counted[role], reward, 0.0).sum(-2)  # XLA adds these in another order
+        returns[role] = jnp.where(counted[role].all(-2), reward.sum(-2), some)
+    return returns
