@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Int, Key
+from jaxtyping import Float, Key
 
 from ethogram.campaign.context import Context
 from ethogram.core.pytrees import from_arrays, to_arrays
@@ -39,6 +39,7 @@ def train_case(
     context: Context,
     curves: Callable[[Metrics], Mapping[str, np.ndarray]],
     *,
+    initial: Callable[[Any], Mapping[str, np.ndarray]] | None = None,
     pack: Callable[[Any], Arrays] = to_arrays,
     unpack: Callable[[Any, Arrays], Any] = from_arrays,
 ) -> Trained:
@@ -51,6 +52,7 @@ def train_case(
         updates: how many.
         context: of the case.
         curves: what is kept of the metrics of some updates, which are the leading axis.
+        initial: what the curves begin with, of the initial state.
         pack: the state as arrays, where a checkpoint need not hold all of it.
         unpack: the state that `pack` was given, from one in its form and the arrays.
 
@@ -63,6 +65,7 @@ def train_case(
     done = 0
     if found is None:
         state = eqx.filter_jit(learner.init)(for_init)
+        kept |= initial(state) if initial else {}
     else:
         done, kept = int(found[DONE]), _of(CURVE, found)
         state = unpack(jax.eval_shape(learner.init, for_init), _of(STATE, found))
@@ -103,21 +106,25 @@ def trials_in_turn(
     return finished
 
 
-def points_of(updates: int, record_every: int) -> Int[np.ndarray, "point"]:
-    """The last update of each point of a learning curve; the last point may have fewer updates."""
-    ends = np.arange(record_every, updates + record_every, record_every)
-    return np.minimum(ends, updates)
+def training_points(episodes: int, record_every: int) -> Any:
+    """The coordinate of a learning curve: the last episode of each point, for an `xarray.Dataset`.
+
+    The last point may have fewer episodes than the others.
+    """
+    ends = np.arange(record_every, episodes + record_every, record_every)
+    attributes = {"long_name": "training episodes", "units": "episode"}
+    return "point", np.minimum(ends, episodes), attributes
 
 
 def learning_curve(
-    values: Float[np.ndarray, "update *of"], record_every: int
+    values: Float[np.ndarray, "episode *of"], record_every: int
 ) -> Float[np.ndarray, "point *of"]:
-    """Means over the updates of each point, in 64 bits."""
+    """Means over the episodes of each point, in 64 bits."""
     point = np.arange(len(values)) // record_every
-    updates = np.bincount(point)
-    sums = np.zeros((len(updates), *values.shape[1:]))
+    episodes = np.bincount(point)
+    sums = np.zeros((len(episodes), *values.shape[1:]))
     np.add.at(sums, point, values)
-    return sums / updates.reshape(-1, *(1,) * (values.ndim - 1))
+    return sums / episodes.reshape(-1, *(1,) * (values.ndim - 1))
 
 
 class _Turn(Context):
