@@ -63,7 +63,11 @@ def ethogram(copies: int) -> Run:
     from ethogram.worlds.language import Language
 
     world = Language(
-        robots=ROBOTS, targets=TARGETS, alphabet=SYMBOLS, capacity=SYMBOLS, steps=STEPS
+        robots=ROBOTS,
+        targets=TARGETS,
+        vocabulary_size=SYMBOLS,
+        max_vocabulary_size=SYMBOLS,
+        steps=STEPS,
     )
 
     def reset(key):
@@ -197,7 +201,9 @@ def learner_at(robots: int) -> "MADDPG":
     from ethogram.worlds.language import Language
 
     symbols = TRAINED[robots]
-    world = Language(robots=robots, targets=robots, alphabet=symbols, capacity=symbols)
+    world = Language(
+        robots=robots, targets=robots, vocabulary_size=symbols, max_vocabulary_size=symbols
+    )
     return MADDPG(world, memory=500_000)
 
 

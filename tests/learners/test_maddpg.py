@@ -98,7 +98,7 @@ def test_a_script_is_followed_and_does_not_learn():
 
 @pytest.mark.parametrize("noise", [True, False])
 def test_a_talker_with_a_small_alphabet_never_says_a_word_that_there_is_not(noise):
-    world = Language(alphabet=3, capacity=8, steps=5)
+    world = Language(vocabulary_size=3, max_vocabulary_size=8, steps=5)
     learner = MADDPG(world, memory=100, batch=1, hidden=4, straight_through=noise)
     learned = learner.init(jax.random.key(0))
     keys = jax.random.split(jax.random.key(1), 100)
@@ -129,7 +129,7 @@ def test_it_learns_in_the_sharing_world():
 
 
 def test_without_noise_a_policy_does_the_same_whatever_the_key():
-    world = Language(capacity=4)
+    world = Language(max_vocabulary_size=4)
     learner = MADDPG(world, memory=100, batch=1, hidden=4)
     learned = learner.init(jax.random.key(0))
     _, observation = world.reset(jax.random.key(1))

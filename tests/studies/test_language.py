@@ -55,7 +55,7 @@ def records(ran):
 @pytest.fixture(scope="module")
 def watched():
     """Robots that know how to talk and how to listen, watched in every way."""
-    world = Language(alphabet=4, capacity=6)
+    world = Language(vocabulary_size=4, max_vocabulary_size=6)
     learner = MADDPG(world, {"mover": Informed(world), "talker": Optimal(world)}, memory=100)
     learned = learner.init(jax.random.key(0))
     return watch(learner, learned, jax.random.key(1), 2000)
@@ -69,7 +69,9 @@ def test_the_thesis_plan_is_section_2_5_1():
     assert sum(not at.silence for at in learned) == 333
     assert sum(at.silence for at in learned) == 16  # 2x2 again; without symbols all are silent
     assert len(conditions) - len(learned) == 18
-    assert {at.alphabet for at in learned if (at.robots, at.targets) == (3, 4)} == {*range(49)}
+    assert {at.vocabulary_size for at in learned if (at.robots, at.targets) == (3, 4)} == {
+        *range(49)
+    }
     for case in found:
         chosen = case.parsed(Settings)
         assert (chosen.trials, chosen.episodes, chosen.world.steps) == (5, 20_000, 25)
@@ -172,7 +174,7 @@ def test_the_discounted_return_is_that_of_equation_2_1(watched):
 
 def test_words_move_those_who_listen_and_nobody_else(watched):
     assert (np.asarray(watched.influence) > 0.3).all()  # bits; also when a robot hears itself
-    world = Language(alphabet=4, capacity=6)
+    world = Language(vocabulary_size=4, max_vocabulary_size=6)
     deaf = MADDPG(world, {"mover": Uninformed(world), "talker": Optimal(world)}, memory=100)
     states = jax.vmap(jax.vmap(lambda key: world.reset(key)[0]))(
         jax.random.split(jax.random.key(2), (2, 3))
@@ -262,7 +264,7 @@ SMALL = dict(change.split("=") for change in (*ONE, "episodes=16", "trials=1"))
 
 
 def fuzz_language(examples, shapes, capsys):
-    messages = (*MESSAGES, "not finite", "more than capacity")
+    messages = (*MESSAGES, "not finite", "more than max_vocabulary_size")
     valid = drawn(shapes, NUMBERS)
     return fuzz("language", SMALL, valid, WRONG, examples, capsys, then="report", messages=messages)
 

@@ -331,7 +331,7 @@ def test_a_verdict_that_another_measure_changes_is_marked_with_it():
         nearly = own * random.uniform(0.95, 1.05, own.shape)
         data["indicator.impact_factor"][:] = nearly[:, None]
     found, table = {claim.number: claim for claim in study.claims(records)}, judged(records)
-    counted = robustness.CHANGES[0].words
+    counted = robustness.CHANGES[0].description
     assert found[7].verdict == table["nothing: as stated"][7] == "refuted"
     assert table[counted] == {2: "refuted", 6: "refuted", 7: "confirmed"} | dict.fromkeys(
         (1, 3, 4, 5)

@@ -17,7 +17,7 @@ from ethogram.studies.sharing import compute
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import inequality
 from ethogram.studies.sharing.earnings import earnings
-from ethogram.studies.sharing.plan import Condition, Settings
+from ethogram.studies.sharing.plan import Settings
 from ethogram.studies.sharing.validation import ACTS, summarise
 from ethogram.worlds.sharing import Sharing, State
 
@@ -138,9 +138,9 @@ def test_the_optimum_counts_from_the_step_from_which_the_displacement_stays_clos
         [10, 0, 3, 0, 0, 0, 0, 0, 0, 0.6, 0],
         [10, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0],
     )
-    steps = measure.steps_to_optimum(data, Condition("mixed", "always", True))
+    steps = measure.steps_to_optimum("mixed")(data)
     np.testing.assert_array_equal(steps, [3, 11, 2])
-    np.testing.assert_allclose(measure.unsettled(data, None), [9, 0.6, 0])
+    np.testing.assert_allclose(measure.unsettled(data), [9, 0.6, 0])
 
 
 @pytest.mark.parametrize(

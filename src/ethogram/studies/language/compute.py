@@ -82,7 +82,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """
     settings = case.parsed(Settings)
     learner = learner_of(settings)
-    require_memory(f"MADDPG with {condition_of(settings).words}", cost(case).bytes)
+    require_memory(f"MADDPG with {condition_of(settings).description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     watched: Watched | None = None
 
@@ -127,7 +127,7 @@ def _kept(
     returns: Float[np.ndarray, "update episode"], watched: Watched, settings: Settings
 ) -> Arrays:
     """What is stored of a trial."""
-    words = condition_of(settings).alphabet + 1  # the rest is padding
+    words = condition_of(settings).vocabulary_size + 1  # the rest is padding
     kept = {name: np.asarray(getattr(watched, name)) for name in RETURNS}
     # the last episodes played may be more than asked for
     played = returns.reshape(-1)[: settings.episodes]
@@ -168,7 +168,7 @@ def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
             "robots": condition.robots,
             "targets": condition.targets,
             "talkers": condition.talkers,
-            "alphabet": condition.alphabet,
+            "vocabulary_size": condition.vocabulary_size,
             "silence": condition.silence,
             "discount": settings.learner.discount,
         },

@@ -102,7 +102,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """
     settings = case.parsed(Settings)
     condition = condition_of(settings)
-    require_memory(f"The publishing system of {condition.words}", cost(case).bytes)
+    require_memory(f"The publishing system of {condition.description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
     curve: np.ndarray | None = None
@@ -119,7 +119,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     found = {"results": _label(settings, played, curve)}
     if condition.reading == DEFAULT:
         first = range(min(RECORDED, settings.trials))
-        shown = (_scene(condition.words, played, trial) for trial in first)
+        shown = (_scene(condition.description, played, trial) for trial in first)
         found |= records.scenes(shown, settings.world.steps_per_year)
     return found
 

@@ -28,6 +28,7 @@ import numpy as np
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim, Side
+from ethogram.studies.chapter import attribute
 from ethogram.studies.sensing.behaviour import silhouettes, spreads
 from ethogram.studies.sensing.condition import (
     FITNESS,
@@ -270,7 +271,7 @@ def _leads_compared(results: Results, output: str, surface: str, scenario: str) 
 
 def _silhouettes(results: Results, kinds: Sequence[Condition], place: int) -> Terms:
     """The mean silhouette of the runs of one of two conditions, as what each run does to it."""
-    names = [f"{at.words} (silhouettes)" for at in kinds]
+    names = [f"{at.description} (silhouettes)" for at in kinds]
     values = [results.trials(distance(FITNESS), at).values for at in kinds]
     undefined = [None if each is None else np.full(len(each), np.nan) for each in values]
     found: Sequence[np.ndarray | None] = undefined
@@ -285,8 +286,8 @@ def _silhouettes(results: Results, kinds: Sequence[Condition], place: int) -> Te
 
 def _spread(results: Results, at: Condition) -> Trials:
     if at not in results.by_condition:
-        return Trials(at.words, None)
-    return Trials(at.words, spreads(results.behaviours(at, FITNESS)))
+        return Trials(at.description, None)
+    return Trials(at.description, spreads(results.behaviours(at, FITNESS)))
 
 
 def _needs(
@@ -297,7 +298,7 @@ def _needs(
         at for body in bodies for at in (non_sensing(body, surface), sensing(body, output, surface))
     ]
     return tuple(
-        Need(verb=verb, unit=unit, needed=needed, run=results.least(unit, compared))
+        Need(verb=verb, unit=unit, needed=needed, run=results.least(attribute(unit), compared))
         for verb, unit, needed in (
             ("evolved for", "generations", GENERATIONS),
             ("simulated for", "steps", STEPS),

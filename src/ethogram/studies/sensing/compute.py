@@ -112,7 +112,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
 
     """
     settings = case.parsed(Settings)
-    require_memory(f"Evolution of {condition_of(settings).words}", cost(case).bytes)
+    require_memory(f"Evolution of {condition_of(settings).description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
 
@@ -134,7 +134,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     material = world_of(settings).material
     scenes = [
         scene_of_poses(
-            condition_of(settings).words,
+            condition_of(settings).description,
             Pose(*(frames[..., trial] for frames in found.recorded["first"])),
             resting=float(material.edge),
             seconds=settings.record_every * float(material.time_step),

@@ -57,7 +57,7 @@ class Condition(NamedTuple):
         return f"{self.scenario}-{self.strategy}-{'observed' if self.observed else 'hidden'}"
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The condition in words, for tables and notes."""
         return f"{self.strategy}, {self.scenario}, filling {filling_word(self.observed)}"
 

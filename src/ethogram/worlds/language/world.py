@@ -10,8 +10,8 @@ minus the Manhattan distance of a robot from its target: the mover's own (eq. 2.
 guided one (eq. 2.6), in the state after the move.
 
 Actions are weights over choices (a one-hot vector is a pure choice): for a mover (none, up,
-right, down, left), for a talker (silence, symbol 1, symbol 2...).  `alphabet` symbols exist, of
-`capacity` that there is room for, so that languages of any size share one compiled program.
+right, down, left), for a talker (silence, symbol 1, symbol 2...).  There are `vocabulary_size`
+symbols, and room for `max_vocabulary_size`: languages of any size share one compiled program.
 
 Units: the side of the square the targets lie in is 1; velocity is displacement per step.
 
@@ -84,11 +84,11 @@ DYNAMICS: dict[str, Dynamics] = {"damped": damped, "literal": literal}
 class Language(World):
     """Robots that see the targets and must be told which one is theirs."""
 
-    alphabet: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
+    vocabulary_size: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
     delta: Number = setting(0.05, Annotated[float, Field(gt=0)])
     robots: int = setting(2, Annotated[int, Field(ge=2, le=7)], static=True)
     targets: int = setting(2, Annotated[int, Field(ge=1, le=1000)], static=True)
-    capacity: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
+    max_vocabulary_size: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
     steps: int = setting(25, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
     dynamics: str | Dynamics = named("damped", DYNAMICS)
     execution: Execution = setting("soft", Execution, static=True)
@@ -99,15 +99,18 @@ class Language(World):
         """Refuse an alphabet that there is no room for.
 
         Raises:
-            InvalidSettings: `alphabet` is more than `capacity`.
+            InvalidSettings: `vocabulary_size` is more than `max_vocabulary_size`.
 
         """
-        if isinstance(self.alphabet, jax.core.Tracer):
+        if isinstance(self.vocabulary_size, jax.core.Tracer):
             return
-        largest = np.asarray(self.alphabet).max()  # NumPy: under jit JAX would trace this, too
-        if largest > self.capacity:
+        largest = np.asarray(
+            self.vocabulary_size
+        ).max()  # NumPy: under jit JAX would trace this, too
+        if largest > self.max_vocabulary_size:
             raise InvalidSettings(
-                f"Language: alphabet = {largest} is more than capacity = {self.capacity}."
+                f"Language: vocabulary_size = {largest} is more than max_vocabulary_size = "
+                f"{self.max_vocabulary_size}."
             )
 
     @property
@@ -118,15 +121,17 @@ class Language(World):
     @property
     def roles(self) -> dict[str, Role]:
         """`mover` and `talker`, one of each per robot."""
-        words = self.capacity + 1
+        symbols = self.max_vocabulary_size + 1  # and silence
         seen = 2 * self.targets + 2 * self.observe_velocity
-        heard = jnp.tile(self.words.at[0].set(True), self.robots)  # all are silent at first
+        heard = jnp.tile(
+            self.vocabulary_mask.at[0].set(True), self.robots
+        )  # all are silent at first
         used = jnp.concatenate([jnp.ones(seen, bool), heard])
         offsets = Box(-self._reach, self._reach, used.shape, used)
         known = Box(0.0, 1.0, (self.robots + self.targets,))
         return {
             "mover": Role(self.robots, offsets, Simplex(len(MOVES))),
-            "talker": Role(self.robots, known, Simplex(words, self.words)),
+            "talker": Role(self.robots, known, Simplex(symbols, self.vocabulary_mask)),
         }
 
     @property
@@ -137,11 +142,11 @@ class Language(World):
         return float("inf")
 
     @property
-    def words(self) -> Bool[Array, "word"]:
+    def vocabulary_mask(self) -> Bool[Array, "word"]:
         """Which entries of a talker's action it may use."""
-        word = jnp.arange(self.capacity + 1)
-        mute = jnp.logical_or(self.alphabet == 0, self.allow_silence)
-        return jnp.where(word == 0, mute, word <= self.alphabet)
+        word = jnp.arange(self.max_vocabulary_size + 1)
+        mute = jnp.logical_or(self.vocabulary_size == 0, self.allow_silence)
+        return jnp.where(word == 0, mute, word <= self.vocabulary_size)
 
     def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
         """Robots and targets uniform in the square, goals uniform, guides a random derangement.
@@ -158,7 +163,7 @@ class Language(World):
             target=targets.reshape(-1, 2),
             guides=ways[(way[0] * len(ways)).astype(jnp.int32)],
             goal=(goals * self.targets).astype(jnp.int32),
-            said=jnp.zeros((self.robots, self.capacity + 1)).at[:, 0].set(1.0),
+            said=jnp.zeros((self.robots, self.max_vocabulary_size + 1)).at[:, 0].set(1.0),
             time=jnp.int32(0),
         )
         return state, self.observe(state)
