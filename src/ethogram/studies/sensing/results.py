@@ -5,6 +5,7 @@ tables say so, and a claim that needs it is left undecided.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
