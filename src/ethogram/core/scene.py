@@ -276,11 +276,10 @@ class Scene:
         polygons = [shape for shape in self.shapes if shape.kind == "polygon"]
         if self.vertices is None and not all(shape.vertices for shape in polygons):
             self._refuse("a polygon has vertices", (), "its own, or those of the scene")
-        flat = {"polygon": polygons, "background": self.background}
-        flat |= {name: array for name, array in self._optional().items() if name in FLAT}
-        if self.axes == 3 and any(map(len, flat.values())):
-            first = next(name for name, found in flat.items() if len(found))
-            self._refuse("in space there is a", first, "cubes, with an orientation")
+        flat = ["polygon"] * len(polygons) + ["background"] * len(self.background)
+        flat += [name for name in FLAT if getattr(self, name) is not None]
+        if self.axes == 3 and flat:
+            self._refuse("in space there is a", flat[0], "cubes, with an orientation")
 
     def to_dataset(self) -> "xr.Dataset":
         """Arrays as variables, everything else as one JSON attribute.

@@ -91,12 +91,12 @@ def claim_decimals(claim: Claim | ClaimPart) -> ClaimDecimals:
     bounds = margin_bounds(claim)
     plain = ClaimDecimals(decimals, borne, decimals_for(bounds, digits=2))
     ends = [end for end in (claim.low, claim.high) if end is not None and math.isfinite(end)]
-    for more in range(MORE_DECIMALS + 1):
-        raised = (min(MOST_DECIMALS, each + more) for each in plain[:2])
-        shown = ClaimDecimals(*raised, max(plain.margin, min(MOST_DECIMALS, borne + more)))
-        shown = shown if more else plain
+    shown = plain
+    for more in range(1, MORE_DECIMALS + 2):
         if all(_reads_as_it_is(end, bound, shown) for end in ends for bound in bounds):
             return shown
+        of_effect, of_ends = (min(MOST_DECIMALS, each + more) for each in (decimals, borne))
+        shown = ClaimDecimals(of_effect, of_ends, max(plain.margin, of_ends))
     return plain
 
 

@@ -26,7 +26,7 @@ def claimed(claim: Claim | ClaimPart) -> str:
     return f"{side}{where} {claim.unit}".rstrip()
 
 
-def line(claim: Claim) -> Markup:
+def margin_plot(claim: Claim) -> Markup:
     """The claimed side of the margin, the interval and the effect, as an SVG element of a page.
 
     Everything is at its place on one scale; a bound that is missing or infinite ends at the edge.

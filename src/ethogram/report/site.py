@@ -68,13 +68,13 @@ def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
     data = f"{PAGES}/{slug(page.name)}"
     opening = _opening(page)
     if opening:
-        alone = svg.alone(opening["svg"], name=OPENING, alt=opening["caption"])
+        alone = svg.standalone(opening["svg"], name=OPENING, alt=opening["caption"])
         yield f"{data}/{OPENING}.svg", alone
     for table in page.tables:
         yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
     for figure in page.figures:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
-        alone = svg.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        alone = svg.standalone(figure.svg, name=slug(figure.name), alt=figure.alt)
         yield f"{data}/{slug(figure.name)}.svg", alone
     shared = {"page": page, "data": slug(page.name), "root": "../", "opening": opening}
     yield f"{data}.md", _render("study.md", **shared)
@@ -190,7 +190,7 @@ def _refuse_twins(what: str, names: Sequence[str]) -> None:
 
 def _inlined(drawing: str, name: str, alt: str) -> Markup:
     """The one text that goes onto a page as markup: a drawing, parsed and written anew."""
-    return Markup(svg.inlined(drawing, name=slug(name), alt=alt))
+    return Markup(svg.inline(drawing, name=slug(name), alt=alt))
 
 
 @cache
@@ -208,7 +208,7 @@ def _environment() -> Environment:
         "inlined": _inlined,
         "effect": formatting.effect,
         "claimed": margins.claimed,
-        "margin_line": margins.line,
+        "margin_plot": margins.margin_plot,
         "note": formatting.note,
         "shared_revisions": formatting.shared_revisions,
         "stated": formatting.stated,

@@ -72,7 +72,7 @@ def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> None:
     turn = _turns(scene, frame)
     position = scene.position[frame].astype(float)
     corners = position[:, None] + half[:, None, None] * (CORNERS @ turn.swapaxes(1, 2))
-    shown = np.flatnonzero(scene.visible(frame) & np.isfinite(corners).all((1, 2)))
+    shown = np.flatnonzero(scene.visible(frame) & np.isfinite(corners).all((1, 2))).tolist()
     fallen = view.project(corners * (1, 1, 0))
     for shape in shown:
         for face in FACES:
