@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 
 from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
+from ethogram.core.rollout import watch
 from ethogram.core.scene import Scene
 from ethogram.physics.beams3d import Material, centre
 from ethogram.worlds.softbody import SoftBody3D
-from ethogram.worlds.softbody.bodies import MAX_VOXELS, cells_of, name_of, text_of
+from ethogram.worlds.softbody.bodies import MAX_VOXELS, PLANE, cells_of, name_of, text_of
 from ethogram.worlds.softbody.gravity import program, schedule, tilt
 from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 
@@ -49,6 +50,18 @@ def test_a_body_has_one_spelling():
     assert {name_of(SoftBody3D(body=body).cells) for body in spellings} == {"##/##"}
     assert {name_of(cells_of(body)) for body in ("##|##", "##||##")} == {"##|##"}
     assert name_of(SoftBody3D(body="####").cells) == "worm"
+
+
+def test_in_the_plane_a_body_is_one_layer_or_a_grid_of_two_axes():
+    cells = cells_of("##/#.", axes=PLANE)
+    np.testing.assert_array_equal(cells, [[0, 0], [0, 1], [1, 1]])
+    np.testing.assert_array_equal(cells_of([[1, 1], [0, 1]], axes=PLANE), cells)
+    assert text_of(cells) == "##/#."
+    for wrong, message in (("#|#", "2 layers; allowed in the plane: one"), ("#.#", "in 2 parts")):
+        with pytest.raises(InvalidSettings, match=message):
+            cells_of(wrong, axes=PLANE)
+    with pytest.raises(InvalidSettings, match="2 axes, x, z; this one has 3"):
+        cells_of(np.ones((2, 2, 2)), axes=PLANE)
 
 
 def test_a_large_body_can_be_stepped():
@@ -223,11 +236,49 @@ def test_the_material_is_a_sweep_away():
     assert 10 * abs(rough) < half < slippery
 
 
+def test_bodies_of_one_size_are_one_program_and_padding_changes_nothing():
+    """A worm and a square of four, and a worm in room for six."""
+    traces = []
+
+    @eqx.filter_jit
+    def go(world, action):
+        traces.append(None)
+        state, _ = world.reset(jax.random.key(0))
+        for _ in range(3):
+            state, outcome = world.step(jax.random.key(0), state, action)
+        return outcome
+
+    edge = jnp.array([[0.011, 0.009, 0.0105, 0.01]])
+    worm, square = (SoftBody3D(body=body, max_voxels=4, steps=9) for body in ("worm", "##/##"))
+    found = [go(world, {"robot": edge}) for world in (worm, square, worm)]
+    assert len(traces) == 1
+    assert not np.allclose(found[0].reward["robot"], found[1].reward["robot"])
+    wide = SoftBody3D(max_voxels=6, steps=9)
+    outcome = go(wide, {"robot": jnp.pad(edge, ((0, 0), (0, 2)))})
+    plain = go(SoftBody3D(steps=9), {"robot": edge})
+    np.testing.assert_allclose(outcome.reward["robot"], plain.reward["robot"], rtol=1e-4)
+    readings, own = outcome.observation["robot"][0], plain.observation["robot"][0]
+    np.testing.assert_allclose(readings[:12], own[:12], rtol=1e-4, atol=1e-5)
+    np.testing.assert_array_equal(readings[12:18], 0)
+    for role in wide.roles.values():
+        assert role.observation.used.sum() == 14
+        assert role.action.used.tolist() == [True] * 4 + [False] * 2
+
+
+def test_a_padded_robot_is_shown_without_its_padding():
+    world = SoftBody3D(body="##", max_voxels=4, steps=3)
+    scene = watch(world, lambda key, seen: {"robot": jnp.full((1, 4), 0.01)}, jax.random.key(0))
+    assert scene.position.shape == (4, 2, 3)
+    assert scene.title == "Soft robot: ##"
+
+
 def test_settings_out_of_range_are_named():
     with pytest.raises(EthogramError, match="frequency = -1"):
         SoftBody3D(frequency=-1.0)
     with pytest.raises(InvalidSettings, match=r"shortest = 2.* and longest = 0\.1"):
         SoftBody3D(shortest=2.0, longest=0.1)
+    with pytest.raises(InvalidSettings, match="max_voxels = 3; the body has 4 voxels"):
+        SoftBody3D(max_voxels=3)
     with pytest.raises(EthogramError, match="elastic_modulus"):
         SoftBody3D(material=Material(elastic_modulus=0.0))
 

@@ -83,6 +83,27 @@ def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_recorded(world
     np.testing.assert_array_equal(found.recorded[..., ::2], found.recorded[..., :1].repeat(80, -1))
 
 
+def test_sets_of_robots_under_vmap_are_one_row_of_robots_to_the_last_bit(world, genes, even):
+    sets = jnp.stack([genes[:, :2], genes[:, 2:4]])
+    pulls = jnp.stack([even, schedule("flat", STEPS)])
+
+    @eqx.filter_jit
+    def simulated_sets(world, sets, pulls, axis):
+        def one(genes, pull):
+            return simulate(world, Sensing(4), genes, pull, record=Centre(world), block_size=16)
+
+        return jax.vmap(one, (0, axis))(sets, pulls)
+
+    found = simulated_sets(world, sets, even, None)
+    alone = simulated(world, genes[:, :4], even, every=STEPS)
+    np.testing.assert_array_equal(found.distance.ravel(), alone.distance)
+    assert found.recorded.shape == (2, 1, 3, 2)
+    apart = simulated_sets(world, sets, pulls, 0)
+    np.testing.assert_array_equal(apart.distance[0], alone.distance[:2])
+    other = simulated(world, genes[:, 2:4], pulls[1])
+    np.testing.assert_array_equal(apart.distance[1], other.distance)
+
+
 def test_robots_simulated_one_by_one_go_nearly_as_far(world, genes, even):
     alone = simulated(world, genes, even, block_size=1)
     together = simulated(world, genes, even)

@@ -160,27 +160,27 @@ def pad(body: Lattice, size: Size) -> Lattice:
     A padding voxel lies beside the body and belongs to nothing.  A padding bond or pair repeats
     another, or joins voxels of no use, and no voxel receives its forces.
     """
-    more = size.voxels - body.voxels
-    beside = body.cell[:, 0].max() + 2 * jnp.arange(1, more + 1)
-    row = jnp.stack([beside, 0 * beside, 0 * beside], 1).astype(body.cell.dtype)
+    body = jax.tree.map(np.asarray, body)
+    more, bonds = size.voxels - body.voxels, size.bonds - body.bonds
+    row = np.zeros((more, body.cell.shape[1]), body.cell.dtype)
+    row[:, 0] = body.cell[:, 0].max() + 2 * np.arange(1, more + 1)
 
     def ends(old: Ends, items: int, slots: int, *, far: bool) -> Ends:
-        nothing = jnp.where(old.items == len(old.voxel), items, old.items)
+        nothing = np.where(old.items == len(old.voxel), items, old.items)
         room = ((0, slots - len(old.items)), (0, more))
         padding = old.voxel[-1] if len(old.voxel) else (size.voxels - 1 if far else 0)
         return Ends(
-            voxel=jnp.pad(old.voxel, (0, items - len(old.voxel)), constant_values=padding),
-            items=jnp.pad(nothing, room, constant_values=items),
+            jnp.asarray(np.append(old.voxel, [padding] * (items - len(old.voxel))), jnp.int32),
+            jnp.asarray(np.pad(nothing, room, constant_values=items), jnp.int32),
         )
 
+    axis = np.append(body.axis, [body.axis[-1] if body.bonds else 0] * bonds)
     return Lattice(
-        cell=jnp.concatenate([body.cell, row]),
-        used=jnp.pad(body.used, (0, more)),
+        cell=jnp.asarray(np.concatenate([body.cell, row])),
+        used=jnp.asarray(np.pad(body.used, (0, more))),
         first=ends(body.first, size.bonds, size.first, far=False),
         second=ends(body.second, size.bonds, size.second, far=True),
-        axis=jnp.pad(body.axis, (0, size.bonds - body.bonds), mode="edge")
-        if body.bonds
-        else jnp.zeros(size.bonds, body.axis.dtype),
+        axis=jnp.asarray(axis, jnp.int32),
         left=ends(body.left, size.pairs, size.left, far=False),
         right=ends(body.right, size.pairs, size.right, far=True),
         is_padded=True,
