@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
 from tests.learners.toys import Choir, Duet
 
 from ethogram.core.errors import TooLarge
@@ -11,7 +12,6 @@ from ethogram.core.keys import trial_keys
 from ethogram.learners import LEARNERS
 from ethogram.learners.dynamic_programming import MonteCarloControl
 from ethogram.learners.evolution import AgeFitness, Evaluated, Genes
-from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
 from ethogram.learners.maddpg import MADDPG, Playing
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
