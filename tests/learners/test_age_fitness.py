@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
@@ -7,9 +9,11 @@ import pytest
 from hypothesis import given
 from tests.oracles import age_fitness as oracle
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.keys import fold_in, trial_keys
-from ethogram.learners.evolution import WORST, AgeFitness, Evaluated, Genes, Population, best
+from ethogram.core.search_space import SearchSpace
+from ethogram.learners.base import Trials
+from ethogram.learners.evolution import WORST_FITNESS, AgeFitness, Evaluation, Population, best
 from ethogram.learners.evolution.pareto import dominance, fronts
 from ethogram.learners.train import train
 
@@ -32,25 +36,32 @@ def nowhere(genome):
     return 0 * genome.sum(-1)
 
 
-LIMITED = Genes(*(np.full(GENES, bound) for bound in (0.0, 1.0, -0.2, 1.2)))
+LIMITED = SearchSpace(*(np.full(GENES, bound) for bound in (0.0, 1.0, -0.2, 1.2)))
 
 
-def learner(function, genes=LIMITED, size=SIZE, **settings):
-    def evaluate(candidates):
-        fitness = function(candidates)
-        return Evaluated(fitness, jnp.zeros(fitness.shape, bool))
+class Of(eqx.Module):
+    """The fitness that a function gives, of which nobody diverges."""
 
-    return AgeFitness(genes, evaluate, population=size, **settings)
+    function: Callable[..., jax.Array] = eqx.field(static=True)
+    deterministic: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, key, genomes):
+        del key
+        return Evaluation(self.function(genomes), jnp.zeros(len(genomes), bool))
+
+
+def learner(function, space=LIMITED, size=SIZE, **settings):
+    return AgeFitness(space, Of(function), population_size=size, **settings)
 
 
 @pytest.mark.parametrize("function", [sphere, trap, nowhere])
 def test_every_generation_of_every_run_is_that_of_the_plain_version(function):
     keys = trial_keys(1, "evolution", RUNS)
-    evolution = learner(function)
-    population, _ = eqx.filter_jit(evolution.init)(keys)
+    evolution = Trials(learner(function))
+    population = eqx.filter_jit(evolution.init)(keys)
     update = eqx.filter_jit(evolution.update)
-    low, high, lowest, highest = (
-        np.asarray(getattr(LIMITED, name)) for name in ("low", "high", "lowest", "highest")
+    low, high, lower, upper = (
+        np.asarray(getattr(LIMITED, name)) for name in ("low", "high", "lower", "upper")
     )
     evaluate = jax.jit(function)
     plain = [oracle.first(key, evaluate, low, high, SIZE) for key in keys]
@@ -59,12 +70,13 @@ def test_every_generation_of_every_run_is_that_of_the_plain_version(function):
         at = fold_in(keys, generation)
         population, metrics = update(at, population)
         plain = [
-            oracle.next_generation(key, one, evaluate, low, high, lowest, highest)
+            oracle.next_generation(key, one, evaluate, low, high, lower, upper)
             for key, one in zip(at, plain, strict=True)
         ]
         compare(population, plain)
         fittest = [max(one, key=lambda individual: individual.fitness) for one in plain]
-        np.testing.assert_allclose(metrics["best"], [one.fitness for one in fittest], rtol=1e-6)
+        for name in ("best", "episode_return"):
+            np.testing.assert_allclose(metrics[name], [one.fitness for one in fittest], rtol=1e-6)
     assert np.ptp(population.age) >= 3, "old and young are among them"
 
 
@@ -77,19 +89,14 @@ def compare(population, plain):
         np.testing.assert_allclose(population.fitness[run], fitness, rtol=1e-5, atol=1e-6)
 
 
-def evolved(function, generations, genes=LIMITED, size=SIZE, runs=RUNS):
-    evolution = learner(function, genes, size)
+def evolved(function, generations, space=LIMITED, size=SIZE, runs=RUNS):
+    evolution = Trials(learner(function, space, size))
     keys = trial_keys(2, "evolution", runs)
-    population, _ = eqx.filter_jit(evolution.init)(keys)
-    metrics = []
-    population = train(
-        evolution,
-        keys,
-        population,
-        generations,
-        after_chunk=lambda done, learned, found: metrics.append(found),
-    )
-    return population, {name: np.concatenate([m[name] for m in metrics]) for name in metrics[0]}
+    start = eqx.filter_jit(evolution.init)(keys)
+    return train(evolution, keys, generations, state=start)
+
+
+best_of_each = jax.vmap(best)
 
 
 @pytest.fixture(scope="module")
@@ -98,19 +105,19 @@ def solved():
 
 
 def test_it_finds_the_top_of_a_hill_in_every_run(solved):
-    genome, fitness = best(solved[0])
+    genome, fitness = best_of_each(solved.state)
     assert fitness.min() > -0.05  # a random genome has -0.4
     np.testing.assert_allclose(sphere(genome), fitness, rtol=1e-5)
 
 
 def test_the_best_is_never_lost(solved):
-    assert (np.diff(solved[1]["best"], axis=0) >= 0).all()
-    assert (solved[1]["mean"] <= solved[1]["best"] + 1e-6).all()
+    assert (np.diff(solved.metrics["best"], axis=0) >= 0).all()
+    assert (solved.metrics["mean"] <= solved.metrics["best"] + 1e-6).all()
 
 
 def test_a_run_does_not_depend_on_the_others(solved):
-    alone, _ = evolved(sphere, 150, runs=1)
-    np.testing.assert_array_equal(alone.genome[0], solved[0].genome[0])
+    alone = evolved(sphere, 150, runs=1).state
+    np.testing.assert_array_equal(alone.genome[0], solved.state.genome[0])
 
 
 def test_newcomers_climb_out_of_a_trap_where_the_old_alone_do_not():
@@ -118,57 +125,108 @@ def test_newcomers_climb_out_of_a_trap_where_the_old_alone_do_not():
 
     Mutants move by 0.01: none gets from the wrong hill, below 0.9, to the right one above it.
     """
-    genes = Genes(np.zeros(1), np.ones(1), np.zeros(1), np.ones(1))
-    small = learner(trap, genes, size=4, mutation_scale=0.01)
+    space = SearchSpace(np.zeros(1), np.ones(1), np.zeros(1), np.ones(1))
+    small = Trials(learner(trap, space, size=4, mutation_scale=0.01))
     keys = trial_keys(3, "evolution", 20)
-    start = Population(
-        genome=jnp.full((20, 4, 1), 0.1),
-        age=jnp.zeros((20, 4), int),
-        fitness=jnp.full((20, 4), 0.7),
+    one = Population(
+        genome=jnp.full((4, 1), 0.1, float),
+        age=jnp.zeros(4, int),
+        fitness=jnp.full(4, 0.7, float),
+        diverged=jnp.int32(0),
     )
-    end = train(small, keys, start, 60, after_chunk=lambda *_: None)
-    assert (best(end)[1] == 1.0).mean() > 0.9
+    start = jax.tree.map(lambda part: jnp.stack([part] * 20), one)
+    end = train(small, keys, 60, state=start).state
+    assert (best_of_each(end)[1] == 1.0).mean() > 0.9
 
 
 def test_genes_keep_to_their_limits():
-    population, _ = evolved(lambda genome: genome.sum(-1), 60)
+    population = evolved(lambda genome: genome.sum(-1), 60).state
     assert population.genome.max() == np.float32(1.2)
-    assert best(population)[1].min() > GENES * 1.0, "beyond where genes are drawn"
+    assert best_of_each(population)[1].min() > GENES * 1.0, "beyond where genes are drawn"
 
 
-def test_who_breaks_is_the_worst_is_counted_and_stays_out_of_the_mean():
-    def evaluate(candidates):
-        fitness = candidates[..., 0].at[:, 0].set(jnp.nan).at[:, 1].set(jnp.inf)
-        return Evaluated(fitness, jnp.zeros(fitness.shape, bool).at[:, 2].set(True))
+class Diverging(eqx.Module):
+    """Fitness of which the first three candidates have none."""
 
-    evolution = AgeFitness(LIMITED, evaluate, population=SIZE)
-    keys = trial_keys(0, "evolution", RUNS)
-    population, metrics = eqx.filter_jit(evolution.init)(keys)
-    np.testing.assert_array_equal(population.fitness[:, :3], np.float32(WORST))
-    np.testing.assert_array_equal(metrics["broken"], 3)
-    np.testing.assert_allclose(metrics["mean"], population.genome[:, 3:, 0].mean(1), rtol=1e-6)
-    after, metrics = eqx.filter_jit(evolution.update)(fold_in(keys, 0), population)
-    np.testing.assert_array_equal(metrics["broken"], 3)
+    deterministic: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, key, genomes):
+        del key
+        fitness = genomes[:, 0].at[0].set(jnp.nan).at[1].set(jnp.inf)
+        return Evaluation(fitness, jnp.zeros(fitness.shape, bool).at[2].set(True))
+
+
+def test_who_diverges_is_the_worst_is_counted_and_stays_out_of_the_mean():
+    evolution = AgeFitness(LIMITED, Diverging(), population_size=SIZE)
+    key = jax.random.key(0)
+    population = eqx.filter_jit(evolution.init)(key)
+    np.testing.assert_array_equal(population.fitness[:3], np.float32(WORST_FITNESS))
+    metrics = evolution.metrics(population)
+    assert metrics["diverged"] == 3
+    np.testing.assert_allclose(metrics["mean"], population.genome[3:, 0].mean(), rtol=1e-6)
+    after, metrics = eqx.filter_jit(evolution.update)(key, population)
+    assert metrics["diverged"] == 3
     assert jnp.isfinite(after.fitness).all()
-    assert (after.fitness[:, :3] > WORST).all(), "those that broke come last"
+    assert (after.fitness[:3] > WORST_FITNESS).all(), "those that diverged come last"
 
 
-def test_where_all_break_the_mean_is_nought_and_evolution_goes_on():
+def test_where_all_diverge_the_mean_is_nought_and_evolution_goes_on():
     evolution = learner(lambda genome: jnp.nan * genome.sum(-1))
-    keys = trial_keys(0, "evolution", RUNS)
-    population, _ = eqx.filter_jit(evolution.init)(keys)
-    _, metrics = eqx.filter_jit(evolution.update)(fold_in(keys, 0), population)
-    np.testing.assert_array_equal(metrics["mean"], 0)
-    np.testing.assert_array_equal(metrics["broken"], SIZE + 1)
+    key = jax.random.key(0)
+    population = eqx.filter_jit(evolution.init)(key)
+    _, metrics = eqx.filter_jit(evolution.update)(key, population)
+    assert metrics["mean"] == 0
+    assert metrics["diverged"] == SIZE + 1
 
 
 def test_without_mutation_children_are_their_parents_and_newcomers_are_new():
     evolution = learner(sphere, mutation_probability=0.0)
-    keys = trial_keys(0, "evolution", RUNS)
-    population, _ = evolution.init(keys)
-    candidates = evolution.ask(keys, population)
-    np.testing.assert_array_equal(candidates[:, :-1], population.genome)
-    assert not (candidates[:, -1:] == population.genome).any()
+    key = jax.random.key(0)
+    population = evolution.init(key)
+    candidates = evolution.ask(key, population)
+    np.testing.assert_array_equal(candidates[:-1], population.genome)
+    assert not (candidates[-1:] == population.genome).any()
+
+
+class Noisy(eqx.Module):
+    """The first gene, and a draw for all alike: the old cannot live on a lucky one."""
+
+    deterministic: bool = eqx.field(static=True, default=False)
+
+    def __call__(self, key, genomes):
+        fitness = genomes[:, 0] + jax.random.normal(key)
+        return Evaluation(fitness, jnp.zeros(len(genomes), bool))
+
+
+def test_who_stays_is_evaluated_again_where_fitness_is_not_deterministic():
+    evolution = AgeFitness(LIMITED, Noisy(), population_size=SIZE)
+    update = eqx.filter_jit(evolution.update)
+    population, draws = evolution.init(jax.random.key(0)), set()
+    for generation in range(3):
+        population, _ = update(jax.random.key(generation), population)
+        draw = np.asarray(population.fitness - population.genome[:, 0])
+        np.testing.assert_allclose(draw, draw[0], atol=1e-6)
+        draws.add(round(float(draw[0]), 4))
+    assert population.age.max() > 0, "some have stayed"
+    assert len(draws) == 3
+
+
+def test_a_fitness_that_does_not_say_whether_it_is_deterministic_is_refused():
+    with pytest.raises(InvalidSettings, match="does not say whether it is deterministic"):
+        AgeFitness(LIMITED, Of(sphere, deterministic=None))
+
+
+def test_a_policy_is_made_of_the_fittest_by_the_fitness_or_refused():
+    class Acting(Of):
+        def policy(self, genome):
+            return lambda key, observation: {"robot": genome}
+
+    acting = AgeFitness(LIMITED, Acting(sphere), population_size=SIZE)
+    population = acting.init(jax.random.key(0))
+    action = acting.policy(population, explore=True)(jax.random.key(0), {})
+    np.testing.assert_array_equal(action["robot"], best(population)[0])
+    with pytest.raises(EthogramError, match="Of makes no policy of a genome"):
+        learner(sphere).policy(population)
 
 
 # Fronts
@@ -201,23 +259,8 @@ def test_fronts_are_those_of_peeling_one_by_one(individuals):
 
 
 @pytest.mark.parametrize(
-    ("bounds", "message"),
-    [
-        (([0.0, 1.0], [1.0, 0.5], [0.0, 0.0], [1.0, 1.0]), "gene 1 is drawn from 1.0 to 0.5"),
-        (([0.0], [1.0], [0.5], [1.0]), "gene 0 .* limited to 0.5 to 1.0"),
-        (([0.0], [np.inf], [0.0], [np.inf]), "gene 0 .* finite"),
-        (([0.0], [1.0, 1.0], [0.0], [1.0]), "one range for each gene"),
-        (([], [], [], []), "at least one"),
-    ],
-)
-def test_ranges_that_no_gene_fits_are_refused(bounds, message):
-    with pytest.raises(InvalidSettings, match=message):
-        Genes(*map(np.array, bounds))
-
-
-@pytest.mark.parametrize(
-    "settings", [{"population": 0}, {"mutation_scale": -1.0}, {"mutation_probability": 1.5}]
+    "settings", [{"population_size": 0}, {"mutation_scale": -1.0}, {"mutation_probability": 1.5}]
 )
 def test_settings_out_of_range_are_refused_by_name(settings):
     with pytest.raises(InvalidSettings, match=next(iter(settings))):
-        AgeFitness(LIMITED, sphere, **settings)
+        AgeFitness(LIMITED, Of(sphere), **settings)

@@ -21,7 +21,7 @@ def first(key, evaluate, low, high, size):
     return [Individual(genome, 0, fitness(evaluate, genome)) for genome in genomes]
 
 
-def next_generation(key, population, evaluate, low, high, lowest, highest):
+def next_generation(key, population, evaluate, low, high, lower, upper):
     """Everyone ages and has a mutant child, a newcomer joins, and the best stay."""
     for_offspring, for_ties = jax.random.split(key)
     for_choice, for_change, for_newcomer = jax.random.split(for_offspring, 3)
@@ -35,7 +35,7 @@ def next_generation(key, population, evaluate, low, high, lowest, highest):
         for gene in range(len(low)):
             if chosen[number, gene]:
                 mutated = genome[gene] + change[number, gene]
-                genome[gene] = min(max(mutated, lowest[gene]), highest[gene])
+                genome[gene] = min(max(mutated, lower[gene]), upper[gene])
         children.append(Individual(genome, parent.age, fitness(evaluate, genome)))
     (newcomer,) = first(for_newcomer, evaluate, low, high, 1)
     everyone = [*parents, *children, newcomer]

@@ -15,15 +15,18 @@ from ethogram.core.errors import InvalidSettings
 from ethogram.physics.beams3d import (
     Lattice,
     Material,
+    Size,
     State,
     at_rest,
     centre,
     lattice,
+    pad,
     sensed_scale,
+    simulate,
     stack,
-    step,
 )
 from ethogram.physics.beams3d.bonds import bond_forces
+from ethogram.physics.beams3d.motion import step
 
 VOXEL = [(0, 0, 0)]
 ELL = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
@@ -41,14 +44,14 @@ def body(cells: list[tuple[int, int, int]]) -> Lattice:
 
 
 class Wave(NamedTuple):
-    """Edges at rest, in edges: mean + swing sin(0.0358 k + phase) at step k."""
+    """Edges at rest, in edges: mean + amplitude sin(0.0358 k + phase) at step k."""
 
     mean: Any = 1.0
-    swing: Any = 0.0
+    amplitude: Any = 0.0
     phase: Any = 0.0
 
     def edge(self, material: Material, k: Array, like: Array) -> Array:
-        scale = self.mean + self.swing * jnp.sin(0.0358 * k + self.phase)
+        scale = self.mean + self.amplitude * jnp.sin(0.0358 * k + self.phase)
         return jnp.broadcast_to(material.edge * scale, like.shape)
 
 
@@ -87,6 +90,10 @@ def _after(
     return lax.fori_loop(0, steps, advance, state)
 
 
+def simulated(edges: Array, gravity: Array, shape: Lattice, material: Material) -> State:
+    return simulate(shape, material, at_rest(shape, material), edges, gravity)
+
+
 @pytest.fixture(autouse=True)
 def sixty_four_bits() -> Any:
     with jax.enable_x64(True):
@@ -94,7 +101,7 @@ def sixty_four_bits() -> Any:
 
 
 def swinging(shape: Lattice) -> Wave:
-    return Wave(swing=0.1, phase=jnp.arange(shape.voxels) * 1.3)
+    return Wave(amplitude=0.1, phase=jnp.arange(shape.voxels) * 1.3)
 
 
 def test_bonds_alone_neither_make_nor_take_momentum() -> None:
@@ -183,30 +190,28 @@ def test_voxels_that_touch_repel_each_other_and_neighbours_do_not() -> None:
     np.testing.assert_allclose(apart.force[0, 5:], [-push, push], rtol=1e-9)
 
 
-def test_distances_have_the_gradient_that_differences_show() -> None:
-    shape = body(WORM)
+def test_distances_have_the_gradient_that_differences_show_also_under_vmap() -> None:
+    shape, steps = body(WORM), 150
 
     def gone(phase: Float[Array, "voxel"]) -> Float[Array, ""]:
-        wave = Wave(swing=0.1, phase=phase)
-
-        def advance(state: State, k: Array) -> tuple[State, None]:
-            edge = wave.edge(Material(), k, state.edge)
-            return step(shape, Material(), state, edge, jnp.array(EARTH)), None
-
-        end, _ = lax.scan(advance, at_rest(shape, Material()), jnp.arange(150))
-        return centre(shape, end)[0]
+        time = jnp.arange(steps)[:, None]
+        edges = Wave(amplitude=0.1, phase=phase).edge(Material(), time, jnp.zeros((steps, 4)))
+        return centre(
+            shape, simulated(edges, jnp.tile(jnp.array(EARTH), (steps, 1)), shape, Material())
+        )[0]
 
     phase = jnp.array([0.3, -1.1, -2.0, -3.5])
-    value = jax.jit(gone)
-    slope = jax.grad(gone)(phase)
+    (slope,) = jax.jit(jax.vmap(jax.grad(gone)))(phase[None])
     assert jnp.isfinite(slope).all()
     nudge = 1e-6 * jnp.eye(4)
-    differences = jnp.stack([(value(phase + n) - value(phase - n)) / 2e-6 for n in nudge])
+    more, less = jax.jit(jax.vmap(gone))(jnp.concatenate([phase + nudge, phase - nudge])).reshape(
+        2, 4
+    )
     assert jnp.abs(slope).max() > 1e-5
-    np.testing.assert_allclose(slope, differences, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(slope, (more - less) / 2e-6, rtol=1e-4, atol=1e-9)
 
 
-def test_a_robot_that_breaks_is_flagged_and_harms_no_other() -> None:
+def test_a_robot_that_diverges_is_flagged_and_harms_no_other() -> None:
     shape = body(WORM)
 
     def run(commanded: float) -> State:
@@ -216,8 +221,8 @@ def test_a_robot_that_breaks_is_flagged_and_harms_no_other() -> None:
 
     for unsound in (jnp.nan, -0.99):  # the second leaves a bond 0.05 mm: a strain of 199
         sound, broken = run(1.01), run(unsound)
-        np.testing.assert_array_equal(sound.broken, [False, False, False])
-        np.testing.assert_array_equal(broken.broken, [False, True, False])
+        np.testing.assert_array_equal(sound.diverged, [False, False, False])
+        np.testing.assert_array_equal(broken.diverged, [False, True, False])
         for robot in (0, 2):
             np.testing.assert_array_equal(broken.position[..., robot], sound.position[..., robot])
 
@@ -228,13 +233,73 @@ def test_a_batch_along_the_last_axis_is_each_robot_alone_and_so_is_vmap() -> Non
 
     def alone(phase: Array, batch: tuple[int, ...]) -> Array:
         start = at_rest(shape, Material(), batch)
-        return after(shape, Material(), start, 60, wave=Wave(swing=0.1, phase=phase)).position
+        return after(shape, Material(), start, 60, wave=Wave(amplitude=0.1, phase=phase)).position
 
     together = alone(phase, (3,))
     mapped = jax.vmap(lambda phase: alone(phase, ()), in_axes=-1, out_axes=-1)(phase)
     np.testing.assert_allclose(mapped, together, rtol=0, atol=1e-15)
     for robot in range(3):
         np.testing.assert_allclose(alone(phase[:, robot], ()), together[..., robot], atol=1e-15)
+
+
+def test_a_simulation_is_its_steps_and_vmap_over_robots_is_lanes_however_deep() -> None:
+    """Robots of two sets, each under a gravity of its own, against one step after the other."""
+    shape, material = body(WORM), Material()
+    edges = 0.01 * (1 + 0.1 * jnp.sin(jnp.arange(2 * 3 * 2 * 4.0).reshape(2, 3, 2, 4)))
+    pulls = jnp.array(EARTH) + jnp.array([0.0, 1.0])[:, None, None] * jnp.array([1.0, 0, 0])
+    pulls = jnp.broadcast_to(pulls, (2, 2, 3))
+
+    @jax.jit
+    def nested(edges: Array, pulls: Array) -> State:
+        robots = jax.vmap(lambda edge, pull: simulated(edge, pull, shape, material), (0, None))
+        return jax.vmap(robots)(edges, pulls)
+
+    found = nested(edges, pulls)
+    assert "f64[3,4,3,2]" in str(jax.make_jaxpr(nested)(edges, pulls)), "robots come last within"
+    go = jax.jit(partial(step, shape, material))
+    for run, robot in ((0, 0), (1, 2)):
+        state = at_rest(shape, material)
+        for k in range(2):
+            state = go(state, edges[run, robot, k], pulls[run, k])
+        for name in ("position", "momentum", "strain"):
+            alone = getattr(found, name)[run, robot]
+            np.testing.assert_allclose(alone, getattr(state, name), rtol=1e-9, atol=1e-13)
+
+
+def test_a_simulation_can_be_swept_over_materials_within_and_without_robots() -> None:
+    shape = body([(0, 0, 0), (1, 0, 0)])
+    edges = 0.01 * (1 + 0.1 * jnp.sin(jnp.arange(12.0).reshape(2, 3, 2)))
+    pull = jnp.tile(jnp.array([3.0, 0.0, -9.81]), (3, 1))
+
+    def gone(edges: Array, friction: Array) -> Array:
+        material = Material(static_friction=friction, dynamic_friction=friction)
+        return centre(shape, simulated(edges, pull, shape, material))[0]
+
+    by_robot = jax.vmap(jax.vmap(gone, (None, 0)), (0, None))
+    by_friction = jax.vmap(jax.vmap(gone, (0, None)), (None, 0))
+    found, turned = jax.jit(lambda *both: (by_robot(*both), by_friction(*both)))(
+        edges, jnp.array([0.0, 0.5])
+    )
+    assert abs(found[0, 0] - found[0, 1]) > 1e-8, "friction matters"
+    np.testing.assert_allclose(found, turned.T, rtol=1e-12)
+
+
+def test_padding_is_large_enough_for_every_body_of_as_many_voxels() -> None:
+    """Rods, plates, cubes, and what grows at random."""
+    rng = np.random.default_rng(0)
+    full = [list(np.ndindex(sides)) for sides in ((9, 1, 1), (3, 3, 1), (2, 2, 2), (3, 3, 3))]
+    for _ in range(3):
+        cells = {(0, 0, 0)}
+        while len(cells) < 12:
+            cell = list(sorted(cells)[rng.integers(len(cells))])
+            cell[rng.integers(3)] += rng.choice([-1, 1])
+            cells.add(tuple(cell))
+        full.append(sorted(cells))
+    for cells in full:
+        shape = body(cells)
+        most = Size.for_voxels(shape.voxels)
+        assert all(have <= room for have, room in zip(Size.of(shape), most, strict=True))
+    assert Size.of(pad(shape, most)) == most
 
 
 def test_bodies_made_equal_in_size_move_as_they_do_alone() -> None:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from tests.oracles import beams3d as oracle
 
-from ethogram.physics.beams3d import Material, at_rest, lattice, step
+from ethogram.physics.beams3d import Material, at_rest, lattice
+from ethogram.physics.beams3d.motion import step
 from ethogram.physics.beams3d.rotations import Quaternion, rotation_vector
 
 RING = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 0, 1), (2, 0, 2), (1, 0, 2), (0, 0, 2)]
@@ -14,18 +15,18 @@ STEPS = 400
 
 
 @pytest.mark.parametrize(
-    ("cells", "swing"),
+    ("cells", "amplitude"),
     [
         pytest.param(RING, 0.6, id="a ring that closes on itself"),
         pytest.param(BLOCK, 0.3, id="a block that is thrown about"),
     ],
 )
-def test_bodies_move_as_they_do_one_bond_after_the_other(cells, swing):
+def test_bodies_move_as_they_do_one_bond_after_the_other(cells, amplitude):
     """With bends large and small, self-collision, friction and gravity that tilts."""
     rng = np.random.default_rng(1)
     phase = rng.uniform(-np.pi, np.pi, len(cells))
     time = np.arange(STEPS)[:, None] * oracle.TIME
-    edges = 0.01 * (1 + swing * np.sin(2 * np.pi * 40 * time + phase))
+    edges = 0.01 * (1 + amplitude * np.sin(2 * np.pi * 40 * time + phase))
     gravity = np.array([2.0, 0.5, -9.0])
     plain, places = oracle.Body(cells), []
     small = []

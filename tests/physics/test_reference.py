@@ -11,7 +11,8 @@ import pytest
 from jax import Array, lax
 from jaxtyping import Float
 
-from ethogram.physics.beams3d import Lattice, Material, at_rest, lattice, stack, step
+from ethogram.physics.beams3d import Lattice, Material, at_rest, lattice, stack
+from ethogram.physics.beams3d.motion import step
 
 REFERENCE = Path(__file__).parent / "reference"
 CASES = json.loads((REFERENCE / "cases.json").read_text())

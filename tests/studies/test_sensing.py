@@ -15,8 +15,8 @@ from ethogram.core.scene import Scene
 from ethogram.studies import sensing as study
 from ethogram.studies.sensing import compute
 from ethogram.studies.sensing.plan import Settings, condition_of, controller_of, world_of
-from ethogram.worlds.softbody3d.gravity import program, schedule
-from ethogram.worlds.softbody3d.locomotion import travel
+from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.simulation import simulate
 
 # one case of the smoke plan, small; in all tests the same shapes, hence few compiled programs
 SMALL = {"world.steps": 50, "world.body": "worm", "law": "unbounded", "surface": "uneven"}
@@ -56,9 +56,9 @@ def test_the_thesis_plan_is_section_5_4():
         chosen = case.parsed(Settings)
         learner = chosen.learner
         assert (chosen.trials, chosen.generations, chosen.world.steps) == (30, 200, 10_000)
-        assert (learner.population, learner.mutation_probability) == (30, None)
+        assert (learner.population_size, learner.mutation_probability) == (30, None)
         assert (learner.mutation_scale, chosen.world.frequency) == (1.0, 40.0)
-        evaluations = learner.population + chosen.generations * (learner.population + 1)
+        evaluations = learner.population_size + chosen.generations * (learner.population_size + 1)
     assert evaluations == 6230
 
 
@@ -104,7 +104,7 @@ def test_distances_and_paths_are_those_of_the_stored_genomes(ran):
     results, settings = record["results"], case.parsed(Settings)
     world, controller = world_of(settings), controller_of(settings)
     for name, gravity in (("flat", "flat"), ("fitness", "evolution")):
-        alone = eqx.filter_jit(travel)(
+        alone = eqx.filter_jit(simulate)(
             world,
             controller,
             jnp.asarray(results.genome.values.T),
@@ -125,7 +125,7 @@ def test_a_run_taken_up_from_any_checkpoint_ends_with_the_same_bytes(ran, genera
 
 
 def test_what_does_not_fit_in_memory_is_refused_with_its_size():
-    (case,) = cases("smoke", *ONE, "trials=100000", "learner.population=100000")
+    (case,) = cases("smoke", *ONE, "trials=100000", "learner.population_size=100000")
     with pytest.raises(TooLarge, match="worm"):
         study.run(case, Context())
 
@@ -169,7 +169,7 @@ SHAPES = st.fixed_dictionaries(
     optional={
         "world.body": st.sampled_from(["worm", "#", "##/#."]),
         "law": st.sampled_from(["plain", "tanh"]),
-        "learner.population": st.integers(1, 3),
+        "learner.population_size": st.integers(1, 3),
         "trials": st.integers(1, 2),
     },
 )
@@ -180,7 +180,7 @@ ODD = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
     st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8),
 )
-KEYS = (*NUMBERS, *SMALL, "record_every", "trials", "learner.population", "material.mass")
+KEYS = (*NUMBERS, *SMALL, "record_every", "trials", "learner.population_size", "material.mass")
 
 
 def test_drawn_settings_run_or_are_refused_with_a_message(capsys):

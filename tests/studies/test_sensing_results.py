@@ -3,7 +3,7 @@ import pytest
 import scipy.stats
 import xarray as xr
 
-from ethogram.learners.evolution import WORST
+from ethogram.learners.evolution import WORST_FITNESS
 from ethogram.studies.sensing import results as measure
 from ethogram.studies.sensing.claims import claims
 from ethogram.studies.sensing.condition import (
@@ -21,9 +21,9 @@ from ethogram.studies.sensing.results import (
     Results,
 )
 from ethogram.studies.sensing.tables import tables
-from ethogram.worlds.softbody3d import SoftBody3D
-from ethogram.worlds.softbody3d.bodies import layers
-from ethogram.worlds.softbody3d.scene import Pose, record
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.bodies import text_of
+from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 
 RUNS, THIRTY, SAMPLES = 6, 30, 40
 FITNESS = {"worm": (150.0, 2000.0), "biped": (70.0, 900.0), "tripod": (500.0, 600.0)}  # mm
@@ -57,7 +57,7 @@ def result(at, fitness, ratios=None, generations=200, steps=10_000):
             ("trial", "generation"),
             fitness[:, None] * np.linspace(0.5, 1.0, generations + 1),
         ),
-        "broken": (
+        "diverged": (
             ("trial", "generation"),
             np.zeros((len(fitness), generations + 1), np.int32),
         ),
@@ -72,7 +72,7 @@ def result(at, fitness, ratios=None, generations=200, steps=10_000):
     }
     attrs = {
         "body": at.body,
-        "layers": layers(cells),
+        "layers": text_of(cells),
         "voxels": len(cells),
         "controller": at.controller,
         "law": at.law,
@@ -91,7 +91,7 @@ def scene(at, cells):
     orientation[:, 0] = 1
     edge = np.full((frames, len(cells)), 0.01)
     edge[::2, 0] = 0.011
-    return record(
+    return scene_of_poses(
         at.words, Pose(position, orientation, edge), resting=0.01, seconds=0.1
     ).to_dataset()
 
@@ -181,7 +181,7 @@ def test_a_robot_that_does_not_get_ahead_has_no_ratio():
 def test_runs_that_broke_stay_out_of_curves_tests_and_means():
     at = non_sensing("worm", "even")
     data = result(at, [100.0, 110.0, np.nan])["results"]
-    data["fitness"][1, 0] = WORST
+    data["fitness"][1, 0] = WORST_FITNESS
     assert measure.curve(data).shape == (1, 201)
     results = Results.of({"one": {"results": data}})
     trials = measure.sound(results.trials(measure.distance("fitness"), at))

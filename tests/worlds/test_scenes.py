@@ -201,17 +201,17 @@ def test_a_system_in_which_somebody_learns_is_shown_as_any_other(episodes):
     assert world.scene(learned).to_dataset().identical(system.scene(trajectory).to_dataset())
 
 
-def test_a_robot_that_breaks_is_shown_as_long_as_it_is_whole(episodes):
+def test_a_robot_is_shown_until_its_simulation_diverges(episodes):
     world, trajectory = episodes("softbody3d")
-    broken = eqx.tree_at(
-        lambda step: (step.next_state.position, step.next_state.broken),
+    diverged = eqx.tree_at(
+        lambda step: (step.next_state.position, step.next_state.diverged),
         trajectory,
         (
             trajectory.next_state.position.at[-1].set(jnp.nan),
-            trajectory.next_state.broken.at[-1].set(True),
+            trajectory.next_state.diverged.at[-1].set(True),
         ),
     )
-    scene, whole = world.scene(broken), world.scene(trajectory)
+    scene, whole = world.scene(diverged), world.scene(trajectory)
     assert len(scene.position) == STEPS
     np.testing.assert_array_equal(scene.position, whole.position[:-1])
 

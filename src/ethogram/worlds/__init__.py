@@ -14,6 +14,6 @@ WORLDS: "Registry[type[World]]" = Registry(
         "language": "ethogram.worlds.language:Language",
         "publishing": "ethogram.worlds.publishing:Publishing",
         "sharing": "ethogram.worlds.sharing:Sharing",
-        "softbody3d": "ethogram.worlds.softbody3d:SoftBody3D",
+        "softbody3d": "ethogram.worlds.softbody:SoftBody3D",
     },
 )

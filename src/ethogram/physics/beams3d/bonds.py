@@ -1,4 +1,4 @@
-"""Forces of the beams: how a bond is deformed, and how it resists.
+"""Forces of the beams, from the deformation of each bond.
 
 Each bond is seen in a frame of its own: the grid axis along which it was made becomes x, and the
 frame turns with its first voxel (small angles) or so that x points at the second voxel (large).
@@ -14,7 +14,7 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Beam, Material
@@ -72,7 +72,7 @@ def bond_forces(
     """
     voxels = jnp.concatenate([*pose, edge[None]])
     one, two = lattice.first.of(voxels), lattice.second.of(voxels)
-    axis = _over_batch(lattice.axis, edge)
+    axis = over_batch(lattice.axis, edge)
     offset = along_x(axis, Vector(*(two[:3] - one[:3])))
     q1 = Quaternion(one[3], *along_x(axis, Vector(*one[4:7])))
     q2 = Quaternion(two[3], *along_x(axis, Vector(*two[4:7])))
@@ -195,5 +195,6 @@ def from_x(axis: Int[Array, "..."], v: Vector) -> Vector:
     )
 
 
-def _over_batch(axis: Int[Array, "bond"], like: Float[Array, "voxel *batch"]) -> Array:
-    return axis.reshape(axis.shape + (1,) * (like.ndim - 1))
+def over_batch(values: Shaped[Array, "item"], like: Shaped[Array, "other *batch"]) -> Array:
+    """One value for each item, in a shape that goes with all robots of a batch."""
+    return values.reshape(values.shape + (1,) * (like.ndim - 1))

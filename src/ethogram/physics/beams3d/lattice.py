@@ -1,7 +1,7 @@
-"""Which voxels are joined, and which could touch: a body's lattice as index arrays."""
+"""Lattices: which voxels of a body are joined, and which could touch, as index arrays."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,7 +28,7 @@ class Ends(eqx.Module):
 
     def of(self, value: Shaped[Array, "c voxel *batch"]) -> Shaped[Array, "c item *batch"]:
         """The values of the voxels at this end."""
-        return value[:, self.voxel]
+        return _take(value, self.voxel)
 
     def total(self, value: Shaped[Array, "c item *batch"]) -> Shaped[Array, "c voxel *batch"]:
         """Per voxel, the sum over the items that have it at this end."""
@@ -36,9 +36,14 @@ class Ends(eqx.Module):
         start = jnp.zeros_like(value, shape=(value.shape[0], self.items.shape[1], *value.shape[2:]))
         if len(self.items) > UNROLLED:
             return lax.scan(
-                lambda so_far, items: (so_far + padded[:, items], None), start, self.items
+                lambda so_far, items: (so_far + _take(padded, items), None), start, self.items
             )[0]
-        return sum((padded[:, self.items[slot]] for slot in range(len(self.items))), start)
+        return sum((_take(padded, self.items[slot]) for slot in range(len(self.items))), start)
+
+
+def _take(value: Shaped[Array, "c voxel *batch"], index: Int[Array, "item"]) -> Array:
+    """Entries along the second axis, which there are: nothing is checked in the inner loop."""
+    return value.at[:, index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
 class Lattice(eqx.Module):
@@ -51,6 +56,7 @@ class Lattice(eqx.Module):
     axis: Int[Array, "bond"]  # 0, 1, 2: along x, y, z
     left: Ends  # of pairs of surface voxels that could touch
     right: Ends
+    is_padded: bool = eqx.field(static=True, default=False)  # whether some may not be used
 
     @property
     def voxels(self) -> int:
@@ -61,6 +67,17 @@ class Lattice(eqx.Module):
     def bonds(self) -> int:
         """How many bonds there are, padding included."""
         return self.axis.shape[-1]
+
+    @property
+    def pairs(self) -> int:
+        """How many pairs there are, padding included."""
+        return self.left.voxel.shape[-1]
+
+    @property
+    def bond_used(self) -> Bool[Array, "bond"]:
+        """All bonds but padding: those that some voxel has."""
+        listed = self.first.items.ravel()
+        return jnp.zeros(self.bonds + 1, bool).at[listed].set(True)[: self.bonds]
 
 
 def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
@@ -106,46 +123,75 @@ def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
     )
 
 
-def stack(lattices: Sequence[Lattice]) -> Lattice:
-    """Make bodies equal in size by padding, as one lattice with bodies as leading axis.
+class Size(NamedTuple):
+    """How large the arrays of a lattice are."""
 
-    A padding voxel belongs to nothing: it falls, and counts nowhere.  A padding bond or pair
-    repeats another, and no voxel receives its forces.
+    voxels: int
+    bonds: int
+    pairs: int
+    first: int  # slots of each kind of end
+    second: int
+    left: int
+    right: int
+
+    @classmethod
+    def of(cls, body: Lattice) -> "Size":
+        """The size of a lattice, without the bodies that it stacks."""
+        slots = (end.items.shape[-2] for end in (body.first, body.second, body.left, body.right))
+        return cls(body.voxels, body.bonds, body.pairs, *slots)
+
+    @classmethod
+    def for_voxels(cls, voxels: int) -> "Size":
+        """What holds every body of as many voxels, in one part.
+
+        Such a body has at most 3 (n - n^(2/3)) bonds: a bond less than voxels in each row, and by
+        Loomis and Whitney (1949) at least 3 n^(2/3) rows.  At least three others are within three
+        bonds of each voxel.
+        """
+        bonds = int(3 * (voxels - voxels ** (2 / 3)) + 1e-9)
+        partners = max(0, voxels - 1 - TOUCH_BEYOND)
+        axes = 3
+        return cls(voxels, bonds, voxels * partners // 2, axes, axes, partners, partners)
+
+
+def pad(body: Lattice, size: Size) -> Lattice:
+    """Make a body larger by what counts nowhere.
+
+    A padding voxel lies beside the body and belongs to nothing.  A padding bond or pair repeats
+    another, or joins voxels of no use, and no voxel receives its forces.
     """
-    voxels = max(body.voxels for body in lattices)
-    bonds = max(body.bonds for body in lattices)
-    pairs = max(len(body.left.voxel) for body in lattices)
-    slots = {
-        name: max(len(getattr(body, name).items) for body in lattices)
-        for name in ("first", "second", "left", "right")
-    }
+    body = jax.tree.map(np.asarray, body)
+    more, bonds = size.voxels - body.voxels, size.bonds - body.bonds
+    row = np.zeros((more, body.cell.shape[1]), body.cell.dtype)
+    row[:, 0] = body.cell[:, 0].max() + 2 * np.arange(1, more + 1)
 
-    def padded(body: Lattice) -> Lattice:
-        def ends(name: str, items: int) -> Ends:
-            old = getattr(body, name)
-            nothing = jnp.where(old.items == len(old.voxel), items, old.items)
-            room = ((0, slots[name] - len(old.items)), (0, voxels - body.voxels))
-            return Ends(
-                voxel=_repeated(old.voxel, items),
-                items=jnp.pad(nothing, room, constant_values=items),
-            )
-
-        return Lattice(
-            cell=jnp.pad(body.cell, ((0, voxels - body.voxels), (0, 0))),
-            used=jnp.pad(body.used, (0, voxels - body.voxels)),
-            first=ends("first", bonds),
-            second=ends("second", bonds),
-            axis=_repeated(body.axis, bonds),
-            left=ends("left", pairs),
-            right=ends("right", pairs),
+    def ends(old: Ends, items: int, slots: int, *, far: bool) -> Ends:
+        nothing = np.where(old.items == len(old.voxel), items, old.items)
+        room = ((0, slots - len(old.items)), (0, more))
+        padding = old.voxel[-1] if len(old.voxel) else (size.voxels - 1 if far else 0)
+        return Ends(
+            jnp.asarray(np.append(old.voxel, [padding] * (items - len(old.voxel))), jnp.int32),
+            jnp.asarray(np.pad(nothing, room, constant_values=items), jnp.int32),
         )
 
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(padded, lattices))
+    axis = np.append(body.axis, [body.axis[-1] if body.bonds else 0] * bonds)
+    return Lattice(
+        cell=jnp.asarray(np.concatenate([body.cell, row])),
+        used=jnp.asarray(np.pad(body.used, (0, more))),
+        first=ends(body.first, size.bonds, size.first, far=False),
+        second=ends(body.second, size.bonds, size.second, far=True),
+        axis=jnp.asarray(axis, jnp.int32),
+        left=ends(body.left, size.pairs, size.left, far=False),
+        right=ends(body.right, size.pairs, size.right, far=True),
+        is_padded=True,
+    )
 
 
-def _repeated(values: Array, length: int) -> Array:
-    missing = length - len(values)
-    return jnp.pad(values, (0, missing), mode="edge" if len(values) else "constant")
+def stack(lattices: Sequence[Lattice]) -> Lattice:
+    """Bodies made equal in size by padding, as one lattice with bodies as leading axis."""
+    size = Size(*map(max, zip(*map(Size.of, lattices), strict=True)))
+    padded = [pad(body, size) for body in lattices]
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
 
 
 def _ends(voxel: Int[np.ndarray, "item"], voxels: int) -> Ends:

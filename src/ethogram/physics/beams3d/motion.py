@@ -1,4 +1,7 @@
-"""A body's state and one step of time: forces, then momenta, then places (semi-implicit Euler)."""
+"""State of soft bodies, and one step of time: forces, then momenta, then places.
+
+The integration is semi-implicit Euler.
+"""
 
 from typing import NamedTuple
 
@@ -7,14 +10,14 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from ethogram.physics.beams3d.bonds import Memory, bond_forces
+from ethogram.physics.beams3d.bonds import Memory, bond_forces, over_batch
 from ethogram.physics.beams3d.contacts import floor as floor_contact
 from ethogram.physics.beams3d.contacts import self_collisions
 from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Material
 from ethogram.physics.beams3d.rotations import Quaternion, Vector, normalised, product
 
-BREAKS = 100.0  # a strain beyond it: the simulation has failed
+MAX_STRAIN = 100.0  # beyond it the simulation has diverged
 
 
 class State(eqx.Module):
@@ -28,8 +31,8 @@ class State(eqx.Module):
     edge: Float[Array, "voxel *batch"]  # m, as commanded for the last step
     strain: Float[Array, "bond *batch"]  # of the bonds in the last step
     memory: Memory
-    steps: Int[Array, ""]  # taken so far
-    broken: Bool[Array, "*batch"]  # once a strain passed 100, or something was not finite
+    steps: Int[Array, "..."]  # taken so far: by all alike, or by each
+    diverged: Bool[Array, "*batch"]  # once a strain passed 100, or something was not finite
 
 
 def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -> State:
@@ -56,7 +59,7 @@ def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -
         strain=jnp.zeros_like(lift, shape=bonds),
         memory=Memory(jnp.ones(bonds, bool), jnp.zeros_like(lift, shape=(9, *bonds))),
         steps=jnp.int32(0),
-        broken=jnp.zeros(batch, bool),
+        diverged=jnp.zeros(batch, bool),
     )
 
 
@@ -91,7 +94,10 @@ def step(
         momentum, force = floor_contact(material, state.position[2], edge, momentum, force)
     time = material.time_step
     moved = integrated(material, state, momentum, force, pull.torque, time)
-    failed = (pull.strain > BREAKS).any(0) | ~jnp.isfinite(moved.position).all((0, 1))
+    torn = pull.strain > MAX_STRAIN
+    if lattice.is_padded:
+        torn &= over_batch(lattice.bond_used, torn)
+    failed = torn.any(0) | ~jnp.isfinite(moved.position).all((0, 1))
     return State(
         position=moved.position,
         orientation=moved.orientation,
@@ -102,7 +108,7 @@ def step(
         strain=pull.strain,
         memory=memory,
         steps=state.steps + 1,
-        broken=state.broken | failed,
+        diverged=state.diverged | failed,
     )
 
 
@@ -166,11 +172,12 @@ def sensed_scale(lattice: Lattice, state: State) -> Float[Array, "voxel *batch"]
     ends = lattice.first, lattice.second
     count = jnp.stack([(end.items < lattice.bonds).sum(0) for end in ends]).sum(0)
     total = jnp.stack([end.total(state.strain[None])[0] for end in ends]).sum(0)
-    count = count.reshape(count.shape + (1,) * (total.ndim - 1))
-    return 1 + total / jnp.maximum(count, 1)
+    return 1 + total * over_batch(1 / jnp.maximum(count, 1), total)
 
 
 def centre(lattice: Lattice, state: State) -> Float[Array, "3 *batch"]:
     """The centre of mass, m."""
-    used = lattice.used.reshape(lattice.used.shape + (1,) * (state.position.ndim - 2))
+    if not lattice.is_padded:
+        return state.position.sum(1) / lattice.voxels
+    used = over_batch(lattice.used, state.position[0])
     return jnp.where(used, state.position, 0.0).sum(1) / lattice.used.sum()

@@ -4,8 +4,8 @@ Thesis, chapter 5: three bodies of voxels, controllers that drive every voxel by
 own or by a network of what all voxels sense, evolved on an even and on an uneven surface: figures
 5.1 to 5.6, tables 5.1 to 5.3 and six claims, for either way to read the network's outputs.
 
-Deviations from the thesis are those of the world (`ethogram.worlds.softbody3d`), of the
-controllers (`ethogram.worlds.softbody3d.controllers`), of the learner
+Deviations from the thesis are those of the world (`ethogram.worlds.softbody`), of the
+controllers (`ethogram.worlds.softbody.controllers`), of the learner
 (`ethogram.learners.evolution.age_fitness`) and of the behaviours (`behaviour`).
 """
 

@@ -1,4 +1,4 @@
-"""Run a case: evolve controllers in all its trials side by side, then watch the best of each."""
+"""Computation of a case: evolution in all its trials side by side, then validation of the best."""
 
 import dataclasses
 from typing import Any
@@ -16,8 +16,10 @@ from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
+from ethogram.core.rollout import Policy
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.learners.evolution import AgeFitness, Evaluated, Genes, Population, best
+from ethogram.learners.base import Trials
+from ethogram.learners.evolution import AgeFitness, Evaluation, Population, best
 from ethogram.learners.evolution.age_fitness import generation_bytes
 from ethogram.learners.train import train
 from ethogram.physics.beams3d import State, centre
@@ -28,68 +30,72 @@ from ethogram.studies.sensing.plan import (
     controller_of,
     world_of,
 )
-from ethogram.worlds.softbody3d import SoftBody3D
-from ethogram.worlds.softbody3d.bodies import layers
-from ethogram.worlds.softbody3d.controllers import Controller
-from ethogram.worlds.softbody3d.gravity import program, schedule
-from ethogram.worlds.softbody3d.locomotion import Journey, robots_abreast, travel
-from ethogram.worlds.softbody3d.scene import Pose, pose, record
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.bodies import text_of
+from ethogram.worlds.softbody.controllers import Controller, policy
+from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.scene import Pose, scene_of_poses
+from ethogram.worlds.softbody.simulation import SimulationResult, robots_per_block, simulate
 
 VOXEL_STEPS_PER_SECOND = 5e6  # one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 12.0
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
+CURVES = "best", "diverged"  # metrics of each generation that are kept
 ROBOT_BYTES = 4 * 200  # of a voxel's state, bonds and what is computed of them
 
 
-class Race(eqx.Module):
+class DistanceFitness(eqx.Module):
     """Fitness: how far along +x each controller gets."""
 
     world: SoftBody3D
     controller: Controller
     gravity: Float[Array, "step 3"]
+    deterministic: bool = eqx.field(static=True, default=True)
 
-    def __call__(self, candidates: Float[Array, "run candidate gene"]) -> Evaluated:
-        """Simulate all candidates of all runs side by side."""
-        runs, size, genes = candidates.shape
-        columns = candidates.reshape(-1, genes).T
-        journey = travel(self.world, self.controller, columns, self.gravity)
-        return Evaluated(journey.distance.reshape(runs, size), journey.broken.reshape(runs, size))
+    def __call__(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
+        """Simulate all candidates side by side, and under `vmap` those of all runs."""
+        del key  # nothing is left to chance
+        found = simulate(self.world, self.controller, genomes.T, self.gravity)
+        return Evaluation(found.distance, found.diverged)
+
+    def policy(self, genome: Float[Array, "gene"]) -> Policy:
+        """The controller with these parameters."""
+        return policy(self.controller, genome, self.world.material.edge)
 
 
-class Watch(eqx.Module):
+class Recorder(eqx.Module):
     """What is recorded: where every robot is, and all voxels of the first ones."""
 
     world: SoftBody3D
     first: int = eqx.field(static=True)  # how many
 
     def __call__(self, state: State) -> dict[str, Any]:
-        """Look at robots side by side."""
-        first = Pose(*(part[..., : self.first] for part in pose(state)))
-        return {"centre": centre(self.world.lattice, state), "first": first}
+        """Of robots side by side, at one step."""
+        first = Pose(*(part[..., : self.first] for part in self.world.pose(state)))
+        return {"centre": centre(self.world.body, state), "first": first}
 
 
 def cost(case: Case) -> Cost:
     """About what a case takes on one core."""
     settings = case.parsed(Settings)
     world, learner = world_of(settings), settings.learner
-    lattice, block = world.lattice, robots_abreast(world)
+    body, block = world.body, robots_per_block(world)
     scenarios = len(SCENARIOS[settings.surface])
-    size = learner.population
+    size = learner.population_size
     groups = ((size, 1), (size + 1, settings.generations), (scenarios, 1))
     blocks = sum(-(-settings.trials * each // block) * times for each, times in groups)
-    genes = controller_of(settings).genes
+    genes = controller_of(settings).search_space.size
     samples = settings.world.steps // settings.record_every
     shown = min(RECORDED, settings.trials)
-    watched = settings.trials * scenarios * 2 * samples + shown * samples * lattice.voxels * 8
-    pairs = len(lattice.left.voxel)
-    side_by_side = settings.trials * max(learner.population + 1, scenarios)
+    watched = settings.trials * scenarios * 2 * samples + shown * samples * body.voxels * 8
+    side_by_side = settings.trials * max(learner.population_size + 1, scenarios)
     return Cost(
         seconds=COMPILE_SECONDS
-        + blocks * block * settings.world.steps * lattice.voxels / VOXEL_STEPS_PER_SECOND,
+        + blocks * block * settings.world.steps * body.voxels / VOXEL_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
-        + generation_bytes(settings.trials, learner.population, genes)
-        + ROBOT_BYTES * side_by_side * (lattice.voxels + pairs // 4)
+        + settings.trials * generation_bytes(learner.population_size, genes)
+        + ROBOT_BYTES * side_by_side * (body.voxels + body.pairs // 4)
         + 4 * 3 * settings.world.steps * settings.trials * scenarios
         + RECORDED_BYTES * watched,
     )
@@ -110,19 +116,19 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     require_memory(f"Evolution of {condition_of(settings).words}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     population, curves = _evolve(learner_of(settings), keys, settings, context)
-    genome, _ = best(population)
-    seen = jax.tree.map(np.asarray, _validate(settings, genome))
+    genome, _ = jax.vmap(best)(population)
+    found = jax.tree.map(np.asarray, _validate(settings, genome))
     material = world_of(settings).material
     scenes = [
-        record(
+        scene_of_poses(
             condition_of(settings).words,
-            Pose(*(frames[..., trial] for frames in seen.seen["first"])),
+            Pose(*(frames[..., trial] for frames in found.recorded["first"])),
             resting=float(material.edge),
             seconds=settings.record_every * float(material.time_step),
         )
         for trial in range(min(RECORDED, settings.trials))
     ]
-    return {"results": _label(settings, curves, genome, seen), **grouped(scenes)}
+    return {"results": _label(settings, curves, genome, found), **grouped(scenes)}
 
 
 def learner_of(settings: Settings) -> AgeFitness:
@@ -130,8 +136,10 @@ def learner_of(settings: Settings) -> AgeFitness:
     world, controller = world_of(settings), controller_of(settings)
     (gravity, *_) = SCENARIOS[settings.surface].values()
     return AgeFitness(
-        genes=Genes(*map(jnp.asarray, controller.ranges)),
-        evaluate=Race(world, controller, schedule(program(gravity), settings.world.steps)),
+        search_space=controller.search_space,
+        fitness=DistanceFitness(
+            world, controller, schedule(program(gravity), settings.world.steps)
+        ),
         **dataclasses.asdict(settings.learner),
     )
 
@@ -139,14 +147,16 @@ def learner_of(settings: Settings) -> AgeFitness:
 def _evolve(
     learner: AgeFitness, keys: Key[Array, "trials"], settings: Settings, context: Context
 ) -> tuple[Population, dict[str, np.ndarray]]:
-    """Evolve, from the last checkpoint if there is one; return what became of each generation."""
+    """The last population of each trial, and curves; goes on from the last checkpoint."""
+    trials = Trials(learner)
     found = context.restore()
     if found is None:
-        population, metrics = eqx.filter_jit(learner.init)(fold_in(keys, 0))
-        curves = {name: np.asarray(metrics[name])[None] for name in ("best", "broken")}
+        population = eqx.filter_jit(trials.init)(fold_in(keys, 0))
+        metrics = jax.vmap(learner.metrics)(population)
+        curves = {name: np.asarray(metrics[name])[None] for name in CURVES}
     else:
-        curves = {name: found.pop(f"curve.{name}") for name in ("best", "broken")}
-        population = from_arrays(_shapes(learner, keys), found)
+        curves = {name: found.pop(f"curve.{name}") for name in CURVES}
+        population = from_arrays(jax.eval_shape(trials.init, keys), found)
 
     def after_chunk(done: int, population: Population, metrics: Any) -> None:
         for name in curves:
@@ -157,7 +167,7 @@ def _evolve(
         )
 
     population, _ = train(
-        learner,
+        trials,
         fold_in(keys, 1),
         settings.generations,
         state=population,
@@ -167,21 +177,17 @@ def _evolve(
     return population, curves
 
 
-def _shapes(learner: AgeFitness, keys: Key[Array, "trials"]) -> Population:
-    return jax.eval_shape(learner.init, keys)[0]
-
-
-def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> Journey:
+def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> SimulationResult:
     """The best of each trial under each gravity: robots are scenario by scenario, then trials."""
     world, programs = world_of(settings), SCENARIOS[settings.surface].values()
     schedules = [schedule(program(gravity), settings.world.steps) for gravity in programs]
-    return eqx.filter_jit(travel)(
+    return eqx.filter_jit(simulate)(
         world,
         controller_of(settings),
         jnp.tile(genome.T, (1, len(schedules))),
         jnp.repeat(jnp.stack(schedules, -1), len(genome), -1),
-        watch=Watch(world, min(RECORDED, settings.trials)),
-        every=settings.record_every,
+        record=Recorder(world, min(RECORDED, settings.trials)),
+        record_every=settings.record_every,
     )
 
 
@@ -189,22 +195,22 @@ def _label(
     settings: Settings,
     curves: dict[str, np.ndarray],
     genome: Float[Array, "trial gene"],
-    seen: Journey,
+    found: SimulationResult,
 ) -> xr.Dataset:
     condition, trials = condition_of(settings), settings.trials
     scenarios = list(SCENARIOS[settings.surface])
-    path = seen.seen["centre"][:, ::2]  # of x, y, z the first and the last
+    path = found.recorded["centre"][:, ::2]  # of x, y, z the first and the last
     samples = len(path)
     path = path.reshape(samples, 2, len(scenarios), trials).transpose(3, 2, 1, 0)
     time = np.arange(samples) * settings.record_every * float(world_of(settings).material.time_step)
     return xr.Dataset(
         {
             "fitness": (("trial", "generation"), curves["best"].T.astype(np.float32)),
-            "broken": (("trial", "generation"), curves["broken"].T.astype(np.int32)),
+            "diverged": (("trial", "generation"), curves["diverged"].T.astype(np.int32)),
             "genome": (("trial", "gene"), np.asarray(genome, np.float32)),
             "distance": (
                 ("trial", "scenario"),
-                seen.distance.reshape(len(scenarios), trials).T.astype(np.float32),
+                found.distance.reshape(len(scenarios), trials).T.astype(np.float32),
             ),
             "path": (("trial", "scenario", "axis", "sample"), path.astype(np.float32)),
         },
@@ -216,7 +222,7 @@ def _label(
         },
         attrs={
             "body": condition.body,
-            "layers": layers(world_of(settings).cells),
+            "layers": text_of(world_of(settings).cells),
             "voxels": len(world_of(settings).cells),
             "controller": condition.controller,
             "law": condition.law,

@@ -33,7 +33,7 @@ from ethogram.studies.sensing.results import (
     Results,
     curve,
 )
-from ethogram.worlds.softbody3d.bodies import cells_of
+from ethogram.worlds.softbody.bodies import cells_of
 
 if TYPE_CHECKING:  # slow to load, and only drawing needs it
     from matplotlib.axes import Axes

@@ -36,7 +36,7 @@ PANEL_HEIGHT = 2.1  # inches
 ROOM = 0.08  # of a map's width, around it
 VECTOR = (
     "A point is the best robot of a run; behaviour: magnitudes of the Fourier transforms of its "
-    "path, x and z, compared by Euclidean distance; robots that broke are left out. "
+    "path, x and z, compared by Euclidean distance; robots that diverged are left out. "
 )
 
 

@@ -12,8 +12,8 @@ from ethogram.core.settings import settings_class, settings_of
 from ethogram.learners.evolution import AgeFitness
 from ethogram.physics.beams3d import Material
 from ethogram.studies.sensing.condition import MORPHOLOGIES, NON_SENSING_LAWS, OUTPUTS, Condition
-from ethogram.worlds.softbody3d import SoftBody3D
-from ethogram.worlds.softbody3d.controllers import (
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.controllers import (
     Actuation,
     Controller,
     NonSensing,
@@ -23,7 +23,7 @@ from ethogram.worlds.softbody3d.controllers import (
 
 NAME = "sensing"
 # Goes up whenever the same settings would give other numbers: also with the sizes of blocks in
-# `worlds.softbody3d.locomotion`, on which the last bits depend.
+# `worlds.softbody.simulation`, on which the last bits depend.
 VERSION = "2"
 
 Law = Literal[Actuation, Output]
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     MaterialSettings: TypeAlias = Any
     LearnerSettings: TypeAlias = Any
 else:
-    WorldSettings = settings_of(SoftBody3D, omit=("gravity",))
+    WorldSettings = settings_of(SoftBody3D, omit=("max_voxels",))
     MaterialSettings = settings_of(Material)
     LearnerSettings = settings_of(AgeFitness)
 
@@ -47,7 +47,7 @@ class Settings:
     material: MaterialSettings = Field(default_factory=MaterialSettings)
     law: Law = "tanh"  # the first two do not sense, the others do
     # a and delta s, in edges at rest; what exceeds world.shortest and world.longest is cut off
-    swing: Annotated[float, Field(ge=0, lt=1)] = 0.1
+    amplitude: Annotated[float, Field(ge=0, lt=1)] = 0.1
     surface: Surface = "even"
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
     generations: Annotated[int, Field(ge=1, le=1_000_000)] = 200
@@ -67,7 +67,7 @@ PLANS = {
         description="The worm under all controllers, for a moment, to see that everything works.",
         settings=Settings(
             world=WorldSettings(steps=200),
-            learner=LearnerSettings(population=4),
+            learner=LearnerSettings(population_size=4),
             generations=2,
             trials=2,
         ),
@@ -128,5 +128,5 @@ def controller_of(settings: Settings) -> Controller:
     """The law of control of a case."""
     voxels = len(world_of(settings).cells)
     if settings.law == "shrink_limited" or settings.law == "plain":
-        return NonSensing(voxels, settings.law, settings.swing)
-    return Sensing(voxels, settings.law, settings.swing)
+        return NonSensing(voxels, settings.law, settings.amplitude)
+    return Sensing(voxels, settings.law, settings.amplitude)

@@ -1,6 +1,6 @@
 """The measures of the chapter, one number per run, taken from stored records.
 
-Distances are in mm.  A run whose best robot broke has no finite distance: means leave it out,
+Distances are in mm.  A run whose best robot diverged has no finite distance: means leave it out,
 tables say so, and a claim that needs it is left undecided.
 """
 
@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Measured
-from ethogram.learners.evolution import WORST
+from ethogram.learners.evolution import WORST_FITNESS
 from ethogram.studies.sensing.behaviour import Behaviours, behaviours
 from ethogram.studies.sensing.condition import (
     FITNESS,
@@ -137,9 +137,9 @@ def validated(*, above: bool) -> Measure:
     return measure
 
 
-def broken(data: xr.Dataset) -> int:
-    """Robots that broke, of all that were evaluated in evolution."""
-    return int(data["broken"].sum())
+def diverged(data: xr.Dataset) -> int:
+    """Robots whose simulation diverged, of all that were evaluated in evolution."""
+    return int(data["diverged"].sum())
 
 
 def sound(trials: Trials) -> Trials:
@@ -199,9 +199,9 @@ def ratios_above_one(
 
 
 def curve(data: xr.Dataset) -> Float[np.ndarray, "run generation"]:
-    """Best fitness (mm) of each generation, in the runs of which no whole population broke."""
+    """Best fitness (mm) of each generation, in the runs of which no whole population diverged."""
     best = data["fitness"].transpose("trial", "generation").values.astype(float)
-    kept: np.ndarray = MILLIMETRES * best[(np.isfinite(best) & (best > WORST)).all(1)]
+    kept: np.ndarray = MILLIMETRES * best[(np.isfinite(best) & (best > WORST_FITNESS)).all(1)]
     return kept
 
 

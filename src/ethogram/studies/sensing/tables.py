@@ -27,8 +27,8 @@ from ethogram.studies.sensing.published import (
 )
 from ethogram.studies.sensing.results import (
     Results,
-    broken,
     distance,
+    diverged,
     ratio,
     ratios_above_one,
     sound,
@@ -97,7 +97,7 @@ def _table_5_2(results: Results) -> Table:
                 *_distance(results, place, EVEN_FITNESS.get((at.body, at.controller))),
                 *p_values.get(place, (None, None)),
                 EVEN_P.get(at.body) if at.controller == "sensing" else None,
-                broken(results.by_condition[at]),
+                diverged(results.by_condition[at]),
             )
         )
     return Table(
@@ -116,7 +116,7 @@ def _table_5_2(results: Results) -> Table:
             "p",
             "p, corrected",
             "p, thesis",
-            "broken robots",
+            "diverged robots",
         ),
         rows=tuple(rows),
     )
@@ -139,7 +139,7 @@ def _table_5_3(results: Results) -> Table:
                 *_distance(results, place, UNEVEN_DISTANCE.get(key)),
                 kept,
                 *p_values.get(place, (None, None)),
-                broken(results.by_condition[at]) if scenario == FITNESS else None,
+                diverged(results.by_condition[at]) if scenario == FITNESS else None,
             )
         )
     return Table(
@@ -161,7 +161,7 @@ def _table_5_3(results: Results) -> Table:
             "ratio",
             "p",
             "p, corrected",
-            "broken robots",
+            "diverged robots",
         ),
         rows=tuple(rows),
     )
@@ -282,11 +282,11 @@ def _p_values(results: Results, places: Sequence[Place]) -> Mapping[Place, tuple
 
 
 def _undefined(results: Results, places: Sequence[Place]) -> str:
-    """Which runs are left out, because their best robot broke."""
+    """Which runs are left out, because their best robot diverged."""
     lacking = []
     for scenario, at in places:
         values = results.trials(distance(scenario), at).values
         gone = 0 if values is None else int(np.count_nonzero(~np.isfinite(values)))
         if gone:
             lacking.append(f"{gone} of {at.words}, {scenario}")
-    return f" Left out, as the best robot broke: {'; '.join(lacking)}." if lacking else ""
+    return f" Left out, as the best robot diverged: {'; '.join(lacking)}." if lacking else ""

@@ -1,4 +1,4 @@
-"""Gravity over a simulation: surfaces are even or not by the way that weight pulls.
+"""Gravity programs: surfaces are even or not by the way that weight pulls.
 
 A program takes the moment, the share of the simulation that has passed, to an acceleration
 (x, y, z) in m/s^2.  Thesis, section 5.4.2: an uneven surface is one on which gravity, of a constant

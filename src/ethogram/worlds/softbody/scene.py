@@ -1,56 +1,49 @@
-"""A moving robot as a scene: every voxel a cube that turns, grows and shrinks."""
+"""Scenes of soft robots: every voxel a cube that turns, grows and shrinks."""
 
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ethogram.core.scene import Scene, Shape
-from ethogram.physics.beams3d import State
 
 FRAME_SECONDS = 0.05  # at normal speed: slow motion
 CHANGED = 0.02  # of the edge at rest: from here on a voxel counts as contracted or expanded
 PALETTE = ("contracted", "at rest", "expanded")
 MILLIMETRES = 1000.0
-MOST_STEPS = 200  # of an episode, that are shown after its start
+MAX_STEPS = 200  # of an episode, that are shown after its start
 
 
 class Pose(NamedTuple):
-    """Where the voxels of robots are, how they are turned and how large they are to be."""
+    """Positions, orientations and commanded edges of robots' voxels."""
 
     position: Any  # Float "... 3 voxel *batch", m
     orientation: Any  # Float "... 4 voxel *batch", unit quaternions
     edge: Any  # Float "... voxel *batch", m
 
 
-def pose(state: State) -> Pose:
-    """What a scene needs of a state."""
-    return Pose(state.position, state.orientation, state.edge)
+def episode_frames(
+    left: Pose, reached: Pose, diverged: Bool[np.ndarray, "frame"]
+) -> tuple[Pose, int]:
+    """The frames that show an episode, and how many steps lie between two of them.
 
-
-def shown(before: State, reached: State) -> tuple[Pose, int]:
-    """What is shown of an episode, and how many steps lie between two frames.
-
-    The first frame is the start; a robot that breaks is shown as long as it is whole.
+    The first frame is the start; a robot is shown until its simulation diverges.
 
     Args:
-        before: the states that were left, with the steps as leading axis.
-        reached: those that were reached.
+        left: poses before each step, with the steps as leading axis.
+        reached: those after it.
+        diverged: whether the simulation has, at the start and after each step.
 
     """
-    apart = -(-len(reached.steps) // MOST_STEPS)
-
-    def some(start: Any, rest: Any) -> np.ndarray:
-        return np.concatenate([start[:1], rest])[::apart]
-
-    frames = jax.tree.map(some, pose(before), pose(reached))
-    whole = ~some(before.broken, reached.broken)
-    return jax.tree.map(lambda part: part[whole], frames), apart
+    apart = -(-len(reached.position) // MAX_STEPS)
+    kept = np.arange(len(diverged))[::apart]
+    kept = kept[~diverged[kept]]
+    start_and_rest = zip(left, reached, strict=True)
+    return Pose(*(np.concatenate([one[:1], rest])[kept] for one, rest in start_and_rest)), apart
 
 
-def record(title: str, frames: Pose, *, resting: float, seconds: float) -> Scene:
-    """Draw up a simulation.
+def scene_of_poses(title: str, frames: Pose, *, resting: float, seconds: float) -> Scene:
+    """The scene of a simulation.
 
     Args:
         title: of the scene.

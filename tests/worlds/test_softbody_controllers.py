@@ -3,9 +3,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ethogram.physics.beams3d import Material, at_rest, lattice
-from ethogram.worlds.softbody3d.controllers import Controller, NonSensing, Sensing, policy
-from ethogram.worlds.softbody3d.sensors import Sensors, flatten, sense, unflatten
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.controllers import Controller, NonSensing, Sensing, policy
+from ethogram.worlds.softbody.sensors import Sensors, flatten, unflatten
 
 ANGLE = 0.7  # 2 pi f k dt
 CLOCK = jnp.array([np.sin(ANGLE), np.cos(ANGLE)])
@@ -20,8 +20,8 @@ def sensors(voxels: int) -> Sensors:
 def test_a_sensing_controller_has_as_many_parameters_as_the_sheet_says(
     voxels: int, genes: int
 ) -> None:
-    assert Sensing(voxels).genes == genes
-    assert NonSensing(voxels).genes == 2 * voxels
+    assert Sensing(voxels).search_space.size == genes
+    assert NonSensing(voxels).search_space.size == 2 * voxels
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_the_network_is_the_one_described_under_both_output_laws() -> None:
 def test_robots_side_by_side_are_each_driven_by_their_own_parameters(
     controller: Controller,
 ) -> None:
-    genes = np.random.default_rng(2).normal(size=(controller.genes, 3))
+    genes = np.random.default_rng(2).normal(size=(controller.search_space.size, 3))
     one = sensors(4)
     three = Sensors(
         *(jnp.stack([part] * 3, -1) for part in (one.scale, one.speed, one.acceleration)),
@@ -90,12 +90,13 @@ def test_robots_side_by_side_are_each_driven_by_their_own_parameters(
 
 
 def test_random_sizes_and_phases_lie_where_the_sheet_says_and_only_sizes_are_limited() -> None:
-    ranges = NonSensing(2).ranges
-    np.testing.assert_array_equal(ranges.low, [-1, -np.pi, -1, -np.pi])
-    np.testing.assert_array_equal(ranges.high, [1, np.pi, 1, np.pi])
-    np.testing.assert_array_equal(ranges.highest, [1, np.inf, 1, np.inf])
-    np.testing.assert_array_equal(ranges.lowest, -ranges.highest)
-    assert np.isinf(Sensing(4).ranges.highest).all()
+    space = NonSensing(2).search_space
+    pi = np.float32(np.pi)
+    np.testing.assert_array_equal(space.low, [-1, -pi, -1, -pi])
+    np.testing.assert_array_equal(space.high, [1, pi, 1, pi])
+    np.testing.assert_array_equal(space.upper, [1, np.inf, 1, np.inf])
+    np.testing.assert_array_equal(space.lower, -space.upper)
+    assert np.isinf(Sensing(4).search_space.upper).all()
 
 
 def test_a_policy_turns_observations_into_edges_in_metres() -> None:
@@ -117,8 +118,8 @@ def test_observations_hold_the_sensors_voxel_by_voxel_then_the_clock() -> None:
 
 
 def test_sensors_read_strain_speed_acceleration_and_the_clock() -> None:
-    body, material = lattice(np.array([(0, 0, 0), (1, 0, 0)])), Material()
-    state = at_rest(body, material)
+    world = SoftBody3D(body="##", acceleration_scale=0.01)
+    state = world.at_rest()
     state = type(state)(
         **vars(state)
         | {
@@ -129,14 +130,12 @@ def test_sensors_read_strain_speed_acceleration_and_the_clock() -> None:
             "steps": jnp.int32(3),
         }
     )
-    found = sense(body, material, state, scale="strain", acceleration_scale=0.01, frequency=40.0)
+    found = world.sense(state)
     np.testing.assert_allclose(found.scale, [1.1, 1.1], rtol=1e-6)
     np.testing.assert_allclose(found.speed, [5.0, 0.0], rtol=1e-6)
     np.testing.assert_allclose(found.acceleration, [0.0, 2.0], rtol=1e-6)
     angle = 2 * np.pi * 40 * 3 * 1.423525111117e-4
     np.testing.assert_allclose(found.clock, [np.sin(angle), np.cos(angle)], rtol=1e-5)
-    commanded = sense(
-        body, material, state, scale="commanded", acceleration_scale=1.0, frequency=40.0
-    )
+    commanded = SoftBody3D(body="##", sensed_scale="commanded", acceleration_scale=1.0).sense(state)
     np.testing.assert_allclose(commanded.scale, [1.1, 0.9], rtol=1e-6)
     np.testing.assert_allclose(commanded.acceleration, [0.0, 200.0], rtol=1e-6)

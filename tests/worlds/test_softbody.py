@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 
 from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
+from ethogram.core.rollout import watch
 from ethogram.core.scene import Scene
 from ethogram.physics.beams3d import Material, centre
-from ethogram.worlds.softbody3d import SoftBody3D
-from ethogram.worlds.softbody3d.bodies import MOST_VOXELS, cells_of, layers
-from ethogram.worlds.softbody3d.gravity import program, schedule, tilt
-from ethogram.worlds.softbody3d.scene import Pose, pose, record
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.bodies import MAX_VOXELS, PLANE, cells_of, name_of, text_of
+from ethogram.worlds.softbody.gravity import program, schedule, tilt
+from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 
 # Bodies
 
@@ -40,14 +41,27 @@ def test_a_body_can_be_written_or_given_as_a_grid():
     np.testing.assert_array_equal(cells_of(text), cells_of(grid))
     np.testing.assert_array_equal(cells_of(text), cells_of(grid.tolist()))
     np.testing.assert_array_equal(cells_of("###\n..#\n\n...\n..#\n"), cells_of(grid))
-    assert layers(cells_of(grid)) == text
-    assert SoftBody3D(body=grid).body == text
+    assert text_of(cells_of(grid)) == text
+    np.testing.assert_array_equal(SoftBody3D(body=grid).cells, cells_of(grid))
 
 
 def test_a_body_has_one_spelling():
     spellings = ("##/##", "##\n##", "|##//##||", "\n##\n##\n\n\n\n")
-    assert {SoftBody3D(body=body).body for body in spellings} == {"##/##"}
-    assert SoftBody3D(body="##|##").body == SoftBody3D(body="##||##").body == "##|##"
+    assert {name_of(SoftBody3D(body=body).cells) for body in spellings} == {"##/##"}
+    assert {name_of(cells_of(body)) for body in ("##|##", "##||##")} == {"##|##"}
+    assert name_of(SoftBody3D(body="####").cells) == "worm"
+
+
+def test_in_the_plane_a_body_is_one_layer_or_a_grid_of_two_axes():
+    cells = cells_of("##/#.", axes=PLANE)
+    np.testing.assert_array_equal(cells, [[0, 0], [0, 1], [1, 1]])
+    np.testing.assert_array_equal(cells_of([[1, 1], [0, 1]], axes=PLANE), cells)
+    assert text_of(cells) == "##/#."
+    for wrong, message in (("#|#", "2 layers; allowed in the plane: one"), ("#.#", "in 2 parts")):
+        with pytest.raises(InvalidSettings, match=message):
+            cells_of(wrong, axes=PLANE)
+    with pytest.raises(InvalidSettings, match="2 axes, x, z; this one has 3"):
+        cells_of(np.ones((2, 2, 2)), axes=PLANE)
 
 
 def test_a_large_body_can_be_stepped():
@@ -55,7 +69,7 @@ def test_a_large_body_can_be_stepped():
     state, _ = world.reset(jax.random.key(0))
     after, _ = step(world, jax.random.key(0), state, {"robot": jnp.full((1, 216), 0.0101)})
     assert jnp.isfinite(after.position).all()
-    assert not after.broken
+    assert not after.diverged
     assert (jnp.abs(after.momentum).max(1) > 1e-4).all(), "it swells"
 
 
@@ -71,10 +85,10 @@ def test_a_body_is_moved_to_the_corner_of_its_grid():
         (np.zeros((2, 2, 2)), "empty"),
         ("#.#", r"in 2 parts .*\(x, y, z\) = \(2, 0, 0\)"),
         ("#./.#", "in 2 parts"),
-        ("#" * (MOST_VOXELS + 1), f"{MOST_VOXELS + 1} voxels; allowed: at most {MOST_VOXELS}"),
+        ("#" * (MAX_VOXELS + 1), f"{MAX_VOXELS + 1} voxels; allowed: at most {MAX_VOXELS}"),
         ("worms", "'w' is no part of one; allowed: worm, biped, tripod, or layers"),
         ("##/#", r"different sizes \(2 rows of 1, 2 rows of 2\)"),
-        (np.ones((2, 2)), r"three axes.*shape \(2, 2\)"),
+        (np.ones((2, 2)), r"3 axes, x, y, z; .*shape \(2, 2\)"),
         (np.full((1, 1, 2), 2), "true and false"),
         ([[[True], [True, False]]], "rows of one length"),
     ],
@@ -99,7 +113,7 @@ def test_a_body_written_out_is_read_as_the_same_body_or_refused_for_its_parts(pl
     except InvalidSettings as error:
         assert re.search(r"is in \d+ parts", str(error))  # noqa: PT017 - one of two outcomes
         return
-    np.testing.assert_array_equal(cells_of(layers(cells)), cells)
+    np.testing.assert_array_equal(cells_of(text_of(cells)), cells)
 
 
 # Gravity
@@ -160,7 +174,7 @@ def played():
 
 def test_rewards_add_up_to_the_way_made(played):
     world, states, outcomes = played
-    ways = [float(centre(world.lattice, state)[0]) for state in states]
+    ways = [float(centre(world.body, state)[0]) for state in states]
     total = sum(float(outcome.reward["robot"][0]) for outcome in outcomes)
     assert abs(total) > 1e-5
     np.testing.assert_allclose(total, ways[-1] - ways[0], atol=1e-7)
@@ -181,7 +195,7 @@ def test_the_clock_is_right_after_ten_million_steps():
     np.testing.assert_allclose(world.sense(late).clock, [np.sin(angle), np.cos(angle)], atol=1e-6)
 
 
-def test_a_robot_that_breaks_terminates_and_earns_nothing():
+def test_a_robot_that_diverges_terminates_and_earns_nothing():
     world = SoftBody3D(steps=60, gravity="step")  # as before: the same program
     state, _ = world.reset(jax.random.key(0))
     torn = eqx.tree_at(lambda s: s.position, state, state.position.at[0, 3].add(5.0))
@@ -216,10 +230,46 @@ def test_the_material_is_a_sweep_away():
             return world.move(state, jnp.full(2, 0.01), pull), None
 
         state, _ = jax.lax.scan(rest, state, None, length=300)
-        return centre(world.lattice, state)[0] - 0.01
+        return centre(world.body, state)[0] - 0.01
 
     rough, half, slippery = slid(jnp.array([1.0, 0.05, 0.0]))
     assert 10 * abs(rough) < half < slippery
+
+
+def test_bodies_of_one_size_are_one_program_and_padding_changes_nothing():
+    """A worm and a square of four, and a worm in room for six."""
+    traces = []
+
+    @eqx.filter_jit
+    def go(world, action):
+        traces.append(None)
+        state, _ = world.reset(jax.random.key(0))
+        for _ in range(3):
+            state, outcome = world.step(jax.random.key(0), state, action)
+        return outcome
+
+    edge = jnp.array([[0.011, 0.009, 0.0105, 0.01]])
+    worm, square = (SoftBody3D(body=body, max_voxels=4, steps=9) for body in ("worm", "##/##"))
+    found = [go(world, {"robot": edge}) for world in (worm, square, worm)]
+    assert len(traces) == 1
+    assert not np.allclose(found[0].reward["robot"], found[1].reward["robot"])
+    wide = SoftBody3D(max_voxels=6, steps=9)
+    outcome = go(wide, {"robot": jnp.pad(edge, ((0, 0), (0, 2)))})
+    plain = go(SoftBody3D(steps=9), {"robot": edge})
+    np.testing.assert_allclose(outcome.reward["robot"], plain.reward["robot"], rtol=1e-4)
+    readings, own = outcome.observation["robot"][0], plain.observation["robot"][0]
+    np.testing.assert_allclose(readings[:12], own[:12], rtol=1e-4, atol=1e-5)
+    np.testing.assert_array_equal(readings[12:18], 0)
+    for role in wide.roles.values():
+        assert role.observation.used.sum() == 14
+        assert role.action.used.tolist() == [True] * 4 + [False] * 2
+
+
+def test_a_padded_robot_is_shown_without_its_padding():
+    world = SoftBody3D(body="##", max_voxels=4, steps=3)
+    scene = watch(world, lambda key, seen: {"robot": jnp.full((1, 4), 0.01)}, jax.random.key(0))
+    assert scene.position.shape == (4, 2, 3)
+    assert scene.title == "Soft robot: ##"
 
 
 def test_settings_out_of_range_are_named():
@@ -227,6 +277,8 @@ def test_settings_out_of_range_are_named():
         SoftBody3D(frequency=-1.0)
     with pytest.raises(InvalidSettings, match=r"shortest = 2.* and longest = 0\.1"):
         SoftBody3D(shortest=2.0, longest=0.1)
+    with pytest.raises(InvalidSettings, match="max_voxels = 3; the body has 4 voxels"):
+        SoftBody3D(max_voxels=3)
     with pytest.raises(EthogramError, match="elastic_modulus"):
         SoftBody3D(material=Material(elastic_modulus=0.0))
 
@@ -236,8 +288,8 @@ def test_settings_out_of_range_are_named():
 
 def test_a_scene_shows_where_voxels_are_how_large_and_how_turned(played):
     world, states, _ = played
-    frames = jax.tree.map(lambda *leaves: np.stack(leaves), *map(pose, states))
-    scene = record("worm", Pose(*frames), resting=0.01, seconds=0.5)
+    frames = jax.tree.map(lambda *leaves: np.stack(leaves), *map(world.pose, states))
+    scene = scene_of_poses("worm", Pose(*frames), resting=0.01, seconds=0.5)
     again = Scene.from_dataset(scene.to_dataset())
     for found in (scene, again):
         assert found.position.shape == (61, 4, 3)
@@ -251,7 +303,7 @@ def test_a_scene_shows_where_voxels_are_how_large_and_how_turned(played):
             np.abs(found.scale - 1) > 0.02
         )
         np.testing.assert_array_equal(found.tint, 1 + expected)
-    way = 1000 * (centre(world.lattice, states[-1])[0] - centre(world.lattice, states[0])[0])
+    way = 1000 * (centre(world.body, states[-1])[0] - centre(world.body, states[0])[0])
     np.testing.assert_allclose(scene.series["distance (mm)"][-1, 0], way, atol=1e-4)
     assert scene.captions[2].startswith("1.000 s: ")
     left, bottom, right, top = scene.bounds

@@ -12,7 +12,7 @@ where 3 n + 1 inputs give (3 n + 1) h + h n.
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -23,26 +23,18 @@ from jaxtyping import Float, Key
 
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
+from ethogram.core.search_space import SearchSpace
 from ethogram.core.settings import Number
 from ethogram.core.world import PerRole
-from ethogram.worlds.softbody3d.sensors import PER_VOXEL, Sensors, unflatten
+from ethogram.worlds.softbody.sensors import PER_VOXEL, Sensors, unflatten
 
 Actuation = Literal["shrink_limited", "plain"]
 Output = Literal["tanh", "unbounded"]
 Drive = Callable[[Sensors], Float[Array, "voxel *batch"]]
 
-SWING = 0.1  # a / s^0 and delta s / s^0
+AMPLITUDE = 0.1  # a / s^0 and delta s / s^0
 HIDDEN_PER_VOXEL = 0.65
-LEAST, GREATEST = 0.25, 1.1  # limits of unbounded outputs
-
-
-class Ranges(NamedTuple):
-    """Where random parameters are drawn from, uniformly, and what mutated ones are limited to."""
-
-    low: Float[np.ndarray, "gene"]
-    high: Float[np.ndarray, "gene"]
-    lowest: Float[np.ndarray, "gene"]
-    highest: Float[np.ndarray, "gene"]
+MIN_SCALE, MAX_SCALE = 0.25, 1.1  # limits of unbounded outputs
 
 
 class Controller(Module):
@@ -52,21 +44,16 @@ class Controller(Module):
 
     @property
     @abstractmethod
-    def ranges(self) -> Ranges:
-        """Of each parameter."""
+    def search_space(self) -> SearchSpace:
+        """Where parameters are drawn from, and their limits."""
 
     @abstractmethod
     def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
         """The law with these parameters."""
 
-    @property
-    def genes(self) -> int:
-        """How many parameters there are."""
-        return len(self.ranges.low)
-
 
 class NonSensing(Controller):
-    """Every voxel swings about a size of its own with a phase of its own (eq. 5.1).
+    """Sine waves: every voxel swings about a size of its own with a phase of its own (eq. 5.1).
 
     Parameters: s_1, phi_1, ..., s_n, phi_n.  With v the size gene, g = 1 + 0.1 v, and
     sine = sin(2 pi f k dt + phi), the scale is
@@ -78,27 +65,27 @@ class NonSensing(Controller):
 
     voxels: int = eqx.field(static=True)
     actuation: Actuation = eqx.field(static=True, default="shrink_limited")
-    swing: Number = eqx.field(default=SWING, converter=jnp.asarray)
+    amplitude: Number = eqx.field(default=AMPLITUDE, converter=jnp.asarray)
 
     @property
-    def ranges(self) -> Ranges:
+    def search_space(self) -> SearchSpace:
         """Sizes in [-1, 1], always; phases in [-pi, pi] at first."""
         bounds = np.tile([1.0, np.pi], self.voxels)
         limits = np.tile([1.0, np.inf], self.voxels)
-        return Ranges(-bounds, bounds, -limits, limits)
+        return SearchSpace(-bounds, bounds, -limits, limits)
 
     def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
         """Sine waves about each voxel's size."""
         genes = parameters.reshape(self.voxels, 2, *parameters.shape[1:])
         size, phase = genes[:, 0], genes[:, 1]
-        swing = self.swing * jnp.ones_like(size)
+        amplitude = self.amplitude * jnp.ones_like(size)
         if self.actuation == "shrink_limited":
-            swing = swing * jnp.minimum(1.0, 1 + size)
+            amplitude = amplitude * jnp.minimum(1.0, 1 + size)
         # sin(t + phi) = sin t cos phi + cos t sin phi: what does not change is computed once
         resting, sine, cosine = (
-            1 + self.swing * size,
-            swing * jnp.cos(phase),
-            swing * jnp.sin(phase),
+            1 + self.amplitude * size,
+            amplitude * jnp.cos(phase),
+            amplitude * jnp.sin(phase),
         )
 
         def scales(sensors: Sensors) -> Float[Array, "voxel *batch"]:
@@ -108,7 +95,7 @@ class NonSensing(Controller):
 
 
 class Sensing(Controller):
-    """A network from all voxels' sensors and a sine wave to all voxels' scales (eqs. 5.2, 5.3).
+    """Network from all voxels' sensors and a sine wave to all voxels' scales (eqs. 5.2, 5.3).
 
     Inputs s_1, |v_1|, |v'_1|, ..., s_n, |v_n|, |v'_n|, sin(2 pi f k dt); h = round(0.65 n) hidden
     units, ReLU; no biases.  Parameters: the (3 n + 1) h weights of the hidden units, input by
@@ -121,7 +108,7 @@ class Sensing(Controller):
 
     voxels: int = eqx.field(static=True)
     output: Output = eqx.field(static=True, default="tanh")
-    swing: Number = eqx.field(default=SWING, converter=jnp.asarray)
+    amplitude: Number = eqx.field(default=AMPLITUDE, converter=jnp.asarray)
 
     @property
     def inputs(self) -> int:
@@ -134,11 +121,11 @@ class Sensing(Controller):
         return round(HIDDEN_PER_VOXEL * self.voxels)
 
     @property
-    def ranges(self) -> Ranges:
+    def search_space(self) -> SearchSpace:
         """Weights in [-1, 1] at first, without limits later."""
         bounds = np.ones((self.inputs + self.voxels) * self.hidden)
         limits = np.inf * bounds
-        return Ranges(-bounds, bounds, -limits, limits)
+        return SearchSpace(-bounds, bounds, -limits, limits)
 
     def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
         """The network with these weights."""
@@ -149,14 +136,14 @@ class Sensing(Controller):
 
         def scales(sensors: Sensors) -> Float[Array, "voxel *batch"]:
             voxels = jnp.stack([sensors.scale, sensors.speed, sensors.acceleration], 1)
-            seen = voxels.reshape(-1, *batch)
+            readings = voxels.reshape(-1, *batch)
             hidden = jax.nn.relu(
-                (inward[:-1] * seen[:, None]).sum(0) + inward[-1] * sensors.clock[0]
+                (inward[:-1] * readings[:, None]).sum(0) + inward[-1] * sensors.clock[0]
             )
             output = (outward * hidden[:, None]).sum(0)
             if self.output == "tanh":
-                return 1 + self.swing * jnp.tanh(output)
-            return jnp.clip(1 + self.swing * output, LEAST, GREATEST)
+                return 1 + self.amplitude * jnp.tanh(output)
+            return jnp.clip(1 + self.amplitude * output, MIN_SCALE, MAX_SCALE)
 
         return scales
 
@@ -177,6 +164,8 @@ def policy(
 
     def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
         del key
-        return {role: jax.vmap(lambda seen: edge * drive(unflatten(seen)))(observation[role])}
+        return {
+            role: jax.vmap(lambda readings: edge * drive(unflatten(readings)))(observation[role])
+        }
 
     return act

@@ -1,0 +1,161 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.rollout import rollout
+from ethogram.physics.beams3d import centre
+from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody.controllers import NonSensing, Sensing, policy
+from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.simulation import SimulationResult, simulate
+
+STEPS, ROBOTS = 40, 5
+
+
+@pytest.fixture(scope="module")
+def world():
+    return SoftBody3D(body="####", steps=STEPS)
+
+
+@pytest.fixture(scope="module")
+def genes():
+    return jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (51, ROBOTS)), jnp.float32)
+
+
+@pytest.fixture(scope="module")
+def even():
+    return schedule(program("even"), STEPS)
+
+
+class Centre(eqx.Module):
+    """Records where robots are: a module, so that simulations alike share a program."""
+
+    world: SoftBody3D
+
+    def __call__(self, state):
+        return centre(self.world.body, state)
+
+
+def simulated(world, genes, gravity, every=None, block_size=16) -> SimulationResult:
+    record = Centre(world) if every else None
+    return eqx.filter_jit(simulate)(
+        world,
+        Sensing(4),
+        genes,
+        gravity,
+        record=record,
+        record_every=every,
+        block_size=block_size,
+    )
+
+
+def test_the_fast_way_is_the_worlds_own_way():
+    """A rollout of the world, its rewards summed, gives each robot's distance.
+
+    In 64 bits: in 32, rounding decides which voxels stick, and robots that sense go another way.
+    """
+    with jax.enable_x64(True):
+        world = SoftBody3D(body="####", steps=STEPS)
+        genes = jnp.asarray(np.random.default_rng(0).uniform(-1, 1, (51, ROBOTS)))
+        found = simulated(world, genes, schedule("even", STEPS))
+
+        @jax.jit
+        def played(parameters):
+            drive = policy(Sensing(4), parameters, world.material.edge)
+            _, steps = rollout(world, drive, jax.random.key(0), STEPS)
+            return steps.outcome.reward["robot"].sum()
+
+        alone = [played(genes[:, robot]) for robot in range(ROBOTS)]
+        assert np.abs(alone).max() > 1e-5
+        np.testing.assert_allclose(found.distance, alone, rtol=1e-6)
+
+
+def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_recorded(world, genes, even):
+    """To the last bit: what is simulated again goes the same way."""
+    together = simulated(world, genes, even, block_size=None)
+    for order, every in ((np.arange(ROBOTS)[::-1], None), (np.tile([2, 0], 80), 10)):
+        found = simulated(world, genes[:, order], even, every, block_size=None)
+        np.testing.assert_array_equal(found.distance, together.distance[order])
+    assert found.recorded.shape == (4, 3, 160)
+    np.testing.assert_array_equal(found.recorded[..., ::2], found.recorded[..., :1].repeat(80, -1))
+
+
+def test_sets_of_robots_under_vmap_are_one_row_of_robots_to_the_last_bit(world, genes, even):
+    sets = jnp.stack([genes[:, :2], genes[:, 2:4]])
+    pulls = jnp.stack([even, schedule("flat", STEPS)])
+
+    @eqx.filter_jit
+    def simulated_sets(world, sets, pulls, axis):
+        def one(genes, pull):
+            return simulate(world, Sensing(4), genes, pull, record=Centre(world), block_size=16)
+
+        return jax.vmap(one, (0, axis))(sets, pulls)
+
+    found = simulated_sets(world, sets, even, None)
+    alone = simulated(world, genes[:, :4], even, every=STEPS)
+    np.testing.assert_array_equal(found.distance.ravel(), alone.distance)
+    assert found.recorded.shape == (2, 1, 3, 2)
+    apart = simulated_sets(world, sets, pulls, 0)
+    np.testing.assert_array_equal(apart.distance[0], alone.distance[:2])
+    other = simulated(world, genes[:, 2:4], pulls[1])
+    np.testing.assert_array_equal(apart.distance[1], other.distance)
+
+
+def test_robots_simulated_one_by_one_go_nearly_as_far(world, genes, even):
+    alone = simulated(world, genes, even, block_size=1)
+    together = simulated(world, genes, even)
+    np.testing.assert_allclose(alone.distance, together.distance, rtol=1e-3, atol=1e-4)
+
+
+def test_each_robot_may_have_a_gravity_of_its_own(world, genes):
+    programs = ["flat", "step", "sin", "evolution", "even"]
+    schedules = [schedule(program(name), STEPS) for name in programs]
+    apart = [simulated(world, genes[:, :1], gravity).distance[0] for gravity in schedules]
+    same = jnp.tile(genes[:, :1], (1, ROBOTS))
+    together = simulated(world, same, jnp.stack(schedules, -1)).distance
+    np.testing.assert_array_equal(together, apart)
+    assert len({round(float(distance), 9) for distance in apart}) == ROBOTS
+
+
+def test_a_robot_that_diverges_has_no_distance_and_the_others_keep_theirs(world, even):
+    genes = jnp.zeros((8, 3))
+    sound = eqx.filter_jit(simulate)(world, NonSensing(4), genes, even)
+    genes = genes.at[0, 1].set(jnp.nan)
+    found = eqx.filter_jit(simulate)(world, NonSensing(4), genes, even)
+    np.testing.assert_array_equal(found.diverged, [False, True, False])
+    np.testing.assert_array_equal(jnp.isnan(found.distance), found.diverged)
+    np.testing.assert_array_equal(found.distance[::2], sound.distance[::2])
+
+
+@pytest.mark.parametrize("kind", [Sensing, NonSensing])
+def test_distances_have_the_gradient_in_the_parameters_that_differences_show(kind):
+    with jax.enable_x64(True):
+        world, controller = SoftBody3D(body="####"), kind(4)
+        gravity = schedule("even", 30)
+        genes = jnp.asarray(
+            np.random.default_rng(0).uniform(-1, 1, (controller.search_space.size, 1))
+        )
+
+        @jax.jit
+        def gone(genes):
+            return simulate(world, controller, genes, gravity, block_size=1).distance[0]
+
+        slope = np.asarray(jax.jit(jax.grad(gone))(genes))
+        nudges = 1e-6 * jnp.eye(len(genes))[..., None]
+        differences = [(gone(genes + nudge) - gone(genes - nudge)) / 2e-6 for nudge in nudges]
+    assert np.isfinite(slope).all()
+    assert np.abs(slope).max() > 1e-7
+    np.testing.assert_allclose(slope[:, 0], differences, rtol=1e-3, atol=1e-9)
+
+
+def test_samples_must_divide_the_steps(world, genes, even):
+    with pytest.raises(InvalidSettings, match="record_every = 7: it should divide the 40 steps"):
+        simulate(world, Sensing(4), genes, even, record_every=7)
+
+
+def test_a_block_has_robots(world, genes, even):
+    with pytest.raises(InvalidSettings, match="block_size = 0: it should be at least 1"):
+        simulate(world, Sensing(4), genes, even, block_size=0)
