@@ -46,7 +46,7 @@ def test_the_thesis_plan_is_table_3_1():
         )
         world, learner, explore = settings.world, settings.learner, settings.exploration
         assert (world.agents, world.resources, world.steps) == (10, 2, 100)
-        assert (learner.rate, learner.discount) == (0.1, 0.9)
+        assert (learner.learning_rate, learner.discount) == (0.1, 0.9)
         assert (explore.start, explore.end, explore.decay) == (1.0, 0.01, 0.9995)
 
 
@@ -319,7 +319,7 @@ FEW_SHAPES = st.sampled_from(
 )
 NUMBERS = {
     "world.scenario": st.sampled_from(["cooperative", "mixed"]),
-    "learner.rate": st.floats(0, 1),
+    "learner.learning_rate": st.floats(0, 1),
     "learner.discount": st.floats(0, 1),
     "exploration.start": st.floats(0, 1),
     "exploration.end": st.floats(0, 1),

@@ -11,6 +11,7 @@ from tests.oracles import language as oracle
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import rollout
 from ethogram.core.scene import Scene
+from ethogram.core.wrappers import RolePolicies
 from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import (
     Informed,
@@ -18,7 +19,6 @@ from ethogram.worlds.language.policies import (
     Optimal,
     Pull,
     Uninformed,
-    joint,
     steer,
 )
 from ethogram.worlds.language.scene import record, word_names
@@ -297,7 +297,7 @@ def test_informed_movers_go_to_the_middle_until_they_hear_of_their_own_target():
     corners = [(0.0, 0.0), (0.0, 1.0)]
     # robots in the middle between the targets; 1 guides 2, 2 guides 3, 3 guides 1
     state = facing(world, [(0.0, 0.5)] * 3, corners, [1, 2, 0], [0, 1, 1])
-    policy = joint(mover=Informed(world), talker=Optimal(world))
+    policy = RolePolicies({"mover": Informed(world), "talker": Optimal(world)})
     action = policy(KEY, world.observe(state))
     np.testing.assert_allclose(action["mover"], choices([NONE] * 3, 5), atol=1e-6)
     state, outcome = world.step(KEY, state, action)
@@ -332,7 +332,7 @@ def test_reference_controllers_earn_what_they_are_known_to_earn(pair, targets):
     @jax.jit
     @jax.vmap
     def play(key):
-        policy = joint(mover=mover(world), talker=talker(world))
+        policy = RolePolicies({"mover": mover(world), "talker": talker(world)})
         reward = rollout(world, policy, key, world.steps)[1].outcome.reward
         return sum(part.sum() for part in reward.values()) / world.robots
 

@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.keys import branch
+from ethogram.core.wrappers import RolePolicies
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.citations import cite, rise
 from ethogram.worlds.publishing.initial import distance, initial_references
@@ -19,7 +20,6 @@ from ethogram.worlds.publishing.policies import (
     Random,
     Ranking,
     Scrutiny,
-    Together,
     ranking_of,
     static,
 )
@@ -36,7 +36,7 @@ def play(world, author, editor, seed=0, look=lambda state: state):
     if isinstance(editor, str):
         policy = static(world, author, editor)
     else:  # the share that editors turn away
-        policy = Together(Random(), Scrutiny(editor))
+        policy = RolePolicies({"author": Random(), "editor": Scrutiny(editor)})
 
     @jax.jit
     def run(key):
@@ -320,7 +320,7 @@ def test_a_step_without_papers_has_its_place_among_the_others():
 def test_runs_side_by_side_are_the_runs_one_by_one(authors, share):
     """Also where in one of them nothing comes out, and where more does than is served at once."""
     world = Publishing(authors=authors, journals=10, initial_papers=40, years=2, steps_per_year=4)
-    policy = Together(Minded(world.quality_max), Scrutiny(share))
+    policy = RolePolicies({"author": Minded(world.quality_max), "editor": Scrutiny(share)})
 
     def run(key):
         def step(at, key):

@@ -41,6 +41,7 @@ def setting(
     *,
     static: bool = False,
     converter: Callable[[Any], Any] | None = None,
+    names: tuple[str, ...] = (),
 ) -> Any:
     """Declare a field that users set.
 
@@ -51,6 +52,7 @@ def setting(
             so that it may be swept and so that another value needs no other program.
         converter: checks a value and turns it into the array that the program computes with, or,
             of a static one, into its one spelling.
+        names: of a choice that the program computes with as a number, counted from 0.
 
     """
     if static:
@@ -59,7 +61,11 @@ def setting(
     return eqx.field(
         default=default,
         converter=converter or _swept,
-        metadata={"setting": allowed, "checked by converter": converter is not None},
+        metadata={
+            "setting": allowed,
+            "checked by converter": converter is not None,
+            "names": names,
+        },
     )
 
 

@@ -51,10 +51,7 @@ def cost(case: Case) -> Cost:
     """
     settings = case.parsed(Settings)
     learner, validated = learner_of(settings), settings.validation_episodes
-    training = plays(settings) * (
-        _play_seconds(learner, learner.episodes_per_update)
-        + learner.updates_per_iteration * _learn_seconds(learner)
-    )
+    training = plays(settings) * update_seconds(learner)
     watching = len(MODES) * _play_seconds(learner, 2 * validated)  # with noise and without
     recorded = settings.trials * (_points(settings) + 5 * validated)
     return Cost(
@@ -66,6 +63,12 @@ def cost(case: Case) -> Cost:
         + RECORDED_BYTES * recorded
         + watched_bytes(learner, validated),
     )
+
+
+def update_seconds(learner: MADDPG) -> float:
+    """About how long an update takes: episodes side by side, then learning."""
+    playing = _play_seconds(learner, learner.episodes_per_update)
+    return playing + learner.updates_per_iteration * _learn_seconds(learner)
 
 
 def run(case: Case, context: Context) -> dict[str, xr.Dataset]:

@@ -77,7 +77,9 @@ def scenario_code(scenario: str | Int[Array, "..."] | Reward) -> Int[Array, "...
 class Sharing(World):
     """Agents choosing among shared resources, with optional broadcast."""
 
-    scenario: Int[Array, "..."] | Reward = setting("cooperative", Scenario, converter=scenario_code)
+    scenario: Int[Array, "..."] | Reward = setting(
+        "cooperative", Scenario, converter=scenario_code, names=tuple(REWARDS)
+    )
     agents: int = setting(10, Agents, static=True)
     resources: int = setting(2, Resources, static=True)
     steps: int = setting(100, Steps, static=True)
