@@ -5,7 +5,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ethogram.learners.exploration import epsilon_greedy, gumbel_softmax
 from tests.learners.toys import Choir, Duet
 
 from ethogram.core.errors import TooLarge
