@@ -14,7 +14,6 @@ from ethogram.core.rollout import episode_ended
 from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import World
 from ethogram.core.wrappers import (
-    Checked,
     DiscretizeAction,
     DiscretizeObservation,
     GivenPolicies,
@@ -38,7 +37,6 @@ def silent(key, observation):
 
 # each around a small world whose spaces it is for
 WRAPPED = {
-    "Checked": lambda: Checked(Language()),
     "DiscretizeAction": lambda: DiscretizeAction(Market()),
     "DiscretizeAction of a box": lambda: DiscretizeAction(Reach(), bins=3),
     "DiscretizeObservation": lambda: DiscretizeObservation(Market(), bins=3),
