@@ -221,7 +221,7 @@ def test_of_a_long_simulation_states_at_equal_distances_are_shown(episodes):
     going_on = some(trajectory, np.arange(404) % (STEPS - 1))
     scene = world.scene(going_on)
     assert len(scene.position) == 1 + 404 // 3
-    np.testing.assert_array_equal(scene.position[1], going_on.state.position[2].T)
+    np.testing.assert_array_equal(scene.position[1], going_on.next_state.position[2].T)
     assert scene.captions[-1].startswith(f"{402 * world.material.time_step:.3f} s")
 
 
