@@ -66,7 +66,7 @@ def run_of(world: Any, author: str, editor: str) -> Any:
         first, key = jax.random.split(key)
         start, _ = world.reset(first)
         state, _ = jax.lax.scan(step, start, jax.random.split(key, world.horizon))
-        return state.literature.published, state.standing.h_index.mean()
+        return state.literature.published, state.citation_stats.h_index.mean()
 
     return run
 

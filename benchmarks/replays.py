@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint, tints
 from ethogram.report import Replay, write_replay
 
 FRAMES, REPLAYS, SECONDS = 300, 10, 4.0
@@ -48,7 +48,7 @@ def agents(seed: int, count: int = 100) -> Scene:
         title="agents",
         bounds=(0.0, 0.0, 100.0, 100.0),
         frame_seconds=0.1,
-        palette=("one kind", "another kind"),
+        palette=tints("one kind", "another kind"),
         shapes=tuple(Shape("circle", 1.5, str(agent)) for agent in range(count)),
         position=position,
         tint=np.tile(np.arange(count) % 2, (FRAMES, 1)),
@@ -74,7 +74,7 @@ def robot(seed: int, edges: tuple[int, int, int] = (10, 5, 4)) -> Scene:
         title="robot",
         bounds=(0.0, 0.0, 1.0, 0.1),
         frame_seconds=0.1,
-        palette=("contracted", "at rest", "expanded"),
+        palette=tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS)),
         shapes=tuple(Shape("cube", 0.005) for _ in cells),
         position=position,
         tint=np.ones(wave.shape, int),

@@ -32,26 +32,27 @@ def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> di
     from jax import lax
 
     from ethogram.core.keys import fold_in, trial_keys
-    from ethogram.learners.exploration import Constant
     from ethogram.learners.qlearning import QLearning
+    from ethogram.learners.schedules import Constant
     from ethogram.worlds.sharing import Sharing
 
     world = Sharing(communication="optional", observe_filling=True)
-    learner = QLearning(world, Constant(epsilon), trials=trials)
+    learner = QLearning(world, Constant(epsilon))
     episodes = max(1, 1000 // trials)
 
     def chunk(fixed, carry):
         learner, keys, first = fixed
 
         def episode(carry, number):
-            learned, total = carry
-            learned, metrics = learner.update(fold_in(keys, number), learned)
-            return (learned, total + metrics["return"]["agent"].sum()), None
+            state, total = carry
+            state, metrics = learner.update(fold_in(keys, number), state)
+            return (state, total + metrics["episode_return"]["agent"].sum()), None
 
         return lax.scan(episode, carry, first + jnp.arange(episodes))[0]
 
     chunk = eqx.filter_jit(chunk, donate="all-except-first")
-    keys, carry = trial_keys(0, "benchmark", trials), (learner.init(), jnp.float32(0))
+    keys = trial_keys(0, "benchmark", trials)
+    carry = learner.init(keys), jnp.float32(0)
     done = 0
 
     def run_for(seconds, carry, done):

@@ -169,10 +169,10 @@ def test_another_package_registers_a_world_and_a_learner(
     for module in [name for name in sys.modules if name.partition(".")[0] == "grazing"]:
         monkeypatch.delitem(sys.modules, module)  # another test's package of the same name
     monkeypatch.syspath_prepend(str(plugin))
-    assert {"sharing", "meadow"} <= set(WORLDS.names())
-    assert {"qlearning", "herder"} <= set(LEARNERS.names())
-    assert WORLDS.get("meadow").__name__ == "Meadow"
-    assert LEARNERS.get("herder").__name__ == "Herder"
+    assert {"sharing", "meadow"} <= set(WORLDS)
+    assert {"qlearning", "herder"} <= set(LEARNERS)
+    assert WORLDS["meadow"].__name__ == "Meadow"
+    assert LEARNERS["herder"].__name__ == "Herder"
 
 
 def test_a_study_of_another_package_is_listed_run_and_reported(

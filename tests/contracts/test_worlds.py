@@ -18,10 +18,10 @@ STEPS = 12
 EAGER = 3  # of them: each may compile its loops anew
 
 
-@pytest.fixture(scope="module", params=WORLDS.names())
+@pytest.fixture(scope="module", params=WORLDS)
 def played(request):
     """A world with its default settings, and a few random steps in it, eager and jitted."""
-    world = WORLDS.get(request.param)()
+    world = WORLDS[request.param]()
     traces = []
 
     @eqx.filter_jit
@@ -234,9 +234,9 @@ def swept(world, path):
     return dataclasses.replace(world, **{path[0]: swept(getattr(world, path[0]), path[1:])})
 
 
-@pytest.mark.parametrize("name", WORLDS.names())
+@pytest.mark.parametrize("name", WORLDS)
 def test_every_numeric_setting_can_be_swept(name):
-    world = WORLDS.get(name)()
+    world = WORLDS[name]()
     paths = list(numeric_settings(world))
     assert paths
     whole = world

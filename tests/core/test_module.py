@@ -6,6 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ethogram.core.module import Module
+from ethogram.worlds.language import Language
+from ethogram.worlds.sharing import Sharing
 
 TRACES = []
 
@@ -74,3 +76,17 @@ def test_a_module_is_equal_to_itself_alone():
     assert slope != Slope(2.0)
     assert slope.climb != Slope(2.0).climb != slope.climb_twice
     assert eqx.tree_equal(slope, Slope(2.0))
+
+
+def test_a_module_is_shown_with_the_values_of_its_fields():
+    assert repr(Slope(0.1)) == "Slope(rise=0.1)"
+    assert repr(Slope(jnp.arange(3))) == "Slope(rise=i32[3])"
+    shown = repr(Sharing(agents=3, scenario="mixed"))
+    assert shown.startswith("Sharing(scenario='mixed', agents=3, resources=2, steps=100, ")
+    assert "delta=0.05, " in repr(Language(dynamics=jump))
+    assert "dynamics=jump, " in repr(Language(dynamics=jump))
+    jax.jit(lambda rise: Slope(rise).climb(float(len(repr(Slope(rise))))))(1.0)  # tracers, too
+
+
+def jump(position, velocity, push, delta):
+    return position + delta * push, velocity

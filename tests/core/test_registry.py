@@ -33,65 +33,65 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_module_or_an_attribute_of_one_is_loaded_by_name():
     from fractions import Fraction
 
-    assert shapes().get("fraction") is Fraction
-    assert shapes().get("turtle") is sys.modules["colorsys"]
+    assert shapes()["fraction"] is Fraction
+    assert shapes()["turtle"] is sys.modules["colorsys"]
 
 
 def test_listing_the_names_imports_nothing(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(sys.modules, "colorsys", raising=False)
-    assert shapes().names() == ["fraction", "turtle"]
+    assert list(shapes()) == ["fraction", "turtle"]
     assert "colorsys" not in sys.modules
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_one():
     with pytest.raises(UnknownName, match=r"Unknown shape 'turtel'. Did you mean 'turtle'\?"):
-        shapes().get("turtel")
+        shapes()["turtel"]
 
 
 def test_a_failure_of_a_builtin_keeps_its_own_traceback():
     broken: Registry[object] = Registry("shape", GROUP, {"gone": "ethogram.no_such_module"})
     with pytest.raises(ModuleNotFoundError):
-        broken.get("gone")
+        broken["gone"]
 
 
 def test_another_package_adds_a_name_through_an_entry_point(site: Path):
     install(site, "grazing", meadow="decimal:Decimal")
     from decimal import Decimal
 
-    assert shapes().names() == ["fraction", "meadow", "turtle"]
-    assert shapes().get("meadow") is Decimal
+    assert list(shapes()) == ["fraction", "meadow", "turtle"]
+    assert shapes()["meadow"] is Decimal
 
 
 def test_a_plugin_that_cannot_be_imported_is_named_with_its_package_and_cause(site: Path):
     install(site, "grazing", meadow="grazing_is_not_here:Meadow")
     with pytest.raises(EthogramError) as caught:
-        shapes().get("meadow")
+        shapes()["meadow"]
     for part in ("'meadow'", "'grazing 1.0'", "grazing_is_not_here:Meadow", "No module named"):
         assert part in str(caught.value)
 
 
 def test_a_broken_plugin_leaves_the_other_names_usable(site: Path):
     install(site, "grazing", meadow="grazing_is_not_here:Meadow")
-    assert shapes().get("turtle") is sys.modules["colorsys"]
+    assert shapes()["turtle"] is sys.modules["colorsys"]
 
 
 def test_a_plugin_may_not_take_the_name_of_a_builtin(site: Path):
     install(site, "impostor", turtle="decimal:Decimal")
     with pytest.raises(EthogramError, match=r"'ethogram'.*'colorsys'.*'impostor 1.0'.*'decimal"):
-        shapes().get("turtle")
+        shapes()["turtle"]
 
 
 def test_two_plugins_may_not_share_a_name(site: Path):
     install(site, "grazing", meadow="decimal:Decimal")
     install(site, "mowing", meadow="fractions:Fraction")
     with pytest.raises(EthogramError, match="Two packages register the shape 'meadow'"):
-        shapes().get("meadow")
+        shapes()["meadow"]
 
 
 def test_a_name_that_is_claimed_twice_leaves_the_other_names_usable(site: Path):
     install(site, "impostor", turtle="decimal:Decimal")
-    assert shapes().names() == ["fraction", "turtle"]
-    assert shapes().get("fraction").__name__ == "Fraction"
+    assert list(shapes()) == ["fraction", "turtle"]
+    assert shapes()["fraction"].__name__ == "Fraction"
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_what_breaks_a_plugin_is_named_with_file_and_line(site: Path, text: str,
     install(site, "grazing", meadow="grazing:Meadow")
     (site / "grazing.py").write_text(text)
     with pytest.raises(EthogramError) as caught:
-        shapes().get("meadow")
+        shapes()["meadow"]
     for part in parts:
         assert part in str(caught.value)
 
@@ -119,4 +119,4 @@ def test_a_plugin_that_is_not_what_it_has_to_be_is_named_with_its_file(site: Pat
         "shape", GROUP, {}, lambda name, loaded: f"{name} has no {loaded.__name__.upper()}"
     )
     with pytest.raises(EthogramError, match=r"'grazing 1.0'.*meadow has no MEADOW .*grazing\.py:1"):
-        registry.get("meadow")
+        registry["meadow"]

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, Shape, grouped, groups_by_trial
+from ethogram.core.scene import (
+    COLOURS,
+    GRADED_COLOURS,
+    BackgroundShape,
+    Scene,
+    Shape,
+    Tint,
+    grouped,
+    groups_by_trial,
+    tints,
+)
 
 
 def scene(**changes):
@@ -12,7 +22,7 @@ def scene(**changes):
         "title": "two <b>robots</b>",
         "bounds": (0.0, 0.0, 1.0, 1.0),
         "frame_seconds": 0.1,
-        "palette": ("idle", "busy"),
+        "palette": tints("idle", "busy"),
         "shapes": (Shape("circle", 0.1, "1"), Shape("square", 0.2)),
         "links": ((0, 1),),
         "position": np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 2, 2),
@@ -38,6 +48,98 @@ def test_a_scene_comes_back_from_its_dataset_as_it_was():
     np.testing.assert_array_equal(after.series["distance"], before.series["distance"])
 
 
+TRIANGLE = ((1.0, 0.0), (-1.0, 0.5), (-1.0, -0.5))
+
+
+def plane(**changes):
+    """A polygon that keeps its form, one that does not, and a road under them."""
+    form = np.zeros((3, 2, 4, 2), np.float32)
+    form[:, 0] = np.nan
+    parts = {
+        "shapes": (Shape("polygon", 2.0, "car", TRIANGLE), Shape("polygon", 0.1)),
+        "palette": (Tint("idle", COLOURS["green"]), Tint("road", "#123abc")),
+        "background": (
+            BackgroundShape("line", ((0.0, 0.0), (1.0, 0.5)), 1, 0.2),
+            BackgroundShape("polygon", TRIANGLE, 1),
+        ),
+        "heading": np.linspace(0, 3, 6, dtype=np.float32).reshape(3, 2),
+        "vertices": form,
+    }
+    return scene(**(parts | changes))
+
+
+def test_polygons_background_and_colours_come_back_from_their_dataset():
+    before = plane()
+    after = Scene.from_dataset(before.to_dataset())
+    for name in ("shapes", "background", "palette"):
+        assert getattr(after, name) == getattr(before, name)
+    for name in ("heading", "vertices"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+
+
+def test_a_palette_in_the_default_colours_is_stored_as_before_palettes_had_any():
+    flat = scene(palette=tints("idle", "busy"))
+    space = {
+        "position": np.zeros((3, 2, 3)),
+        "scale": np.ones((3, 2)),
+        "shapes": (Shape("cube", 1.0),) * 2,
+    }
+    graded = tuple(map(Tint, ("less", "as at rest", "more"), GRADED_COLOURS))
+    for before in (flat, scene(palette=graded, **space)):
+        stored = before.to_dataset()
+        plain = json.loads(stored.attrs["scene"])
+        assert plain["palette"] == [tint.label for tint in before.palette]
+        assert not {"colours", "background"} & plain.keys()
+        assert Scene.from_dataset(stored).palette == before.palette
+    assert scene(palette=graded, **space).graded
+    assert not scene(palette=graded[:2], **space).graded
+    assert not flat.graded
+
+
+def test_what_cannot_be_drawn_of_a_polygon_is_hidden_and_nothing_else():
+    form = np.full((3, 2, 4, 2), np.nan)
+    form[0, 1], form[1, 1, :3], form[2, 1, :2] = 0.0, 0.0, 0.0
+    shown = plane(vertices=form, tint=np.zeros((3, 2), int)).visible()
+    np.testing.assert_array_equal(shown, [[True, True], [True, True], [True, False]])
+    lost = np.array([[0.0, np.nan], [np.inf, 0.0], [0.0, 0.0]])
+    found = plane(heading=lost, tint=np.zeros((3, 2), int))
+    np.testing.assert_array_equal(found.visible(), [[True, False], [False, True], [True, True]])
+    np.testing.assert_array_equal(found.visible(1), [False, True])
+    circles = scene(heading=lost, tint=np.zeros((3, 2), int))
+    assert circles.visible().all()
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: Shape("blob", 1.0), "A shape is of kind 'blob'; allowed: circle, square"),
+        (lambda: Shape("circle", float("inf")), "size inf; allowed: a finite number"),
+        (lambda: Shape("circle", 1.0, "", TRIANGLE), "A circle has vertices"),
+        (lambda: Shape("polygon", 1.0, "", TRIANGLE[:2]), "allowed: a tuple of 3 or more pairs"),
+        (lambda: Shape("polygon", 1.0, "", np.zeros((4, 2))), "allowed: a tuple of 3 or more"),
+        (lambda: Shape("polygon", 1.0, "", ((0, 0), (1, 0), (1, np.nan))), "of finite numbers"),
+        (lambda: BackgroundShape("line", ((0, 0),), 0), "A line has vertices .* 2 or more"),
+        (lambda: BackgroundShape("circle", TRIANGLE, 0), "allowed: line, polygon"),
+        (lambda: BackgroundShape("line", TRIANGLE, 0, -1.0), "width -1.0; allowed: 0 or more"),
+        (lambda: plane(vertices=None), "a polygon has vertices"),
+        (lambda: plane(vertices=np.zeros((3, 2, 4))), r"vertices is \(3, 2, 4\), not"),
+        (lambda: plane(heading=np.zeros((3, 1))), r"heading is \(3, 1\), not \(3, 2\)"),
+        (
+            lambda: plane(background=(BackgroundShape("polygon", TRIANGLE, 2),)),
+            "background has tint 2; allowed: entries of a palette of 2",
+        ),
+        (lambda: plane(position=np.zeros((3, 2, 3))), "in space there is a 'polygon'; allowed"),
+        (
+            lambda: scene(position=np.zeros((3, 2, 3)), heading=np.zeros((3, 2))),
+            "in space there is a 'heading'",
+        ),
+    ],
+)
+def test_what_is_no_shape_is_refused_with_what_is_allowed(made, said):
+    with pytest.raises(EthogramError, match=said):
+        made()
+
+
 def test_an_array_that_does_not_fit_the_cast_is_named():
     with pytest.raises(EthogramError, match=r"tint is \(3, 1\), not \(3, 2\)"):
         scene(tint=np.zeros((3, 1), int))
@@ -59,8 +161,10 @@ def test_an_array_that_does_not_fit_the_cast_is_named():
         ({"bounds": (0.0, 0.0, 1.0, None)}, "bounds holds None"),
         ({"frame_seconds": float("nan")}, "frame_seconds holds nan"),
         ({"frame_seconds": 0.0}, "a time above 0"),
-        ({"shapes": (Shape("circle", float("inf")), Shape("square", 0.2))}, "size holds inf"),
-        ({"palette": ("idle", 1)}, "palette holds what is no text"),
+        ({"words": ("hello", 1)}, "words holds what is no text"),
+        ({"palette": ("idle", "busy")}, r"palette holds 'idle'; allowed: Tint\(label, '#rrggbb'\)"),
+        ({"palette": (Tint("idle", "red"), Tint("busy", "#00ff00"))}, "palette holds Tint"),
+        ({"palette": tints("idle")}, "tint holds 1; allowed: -1 .* a palette of 1"),
         ({"series": {"distance": np.ones(3)}}, "distance is"),
     ],
 )
@@ -70,7 +174,9 @@ def test_what_could_not_be_drawn_is_refused(changes, said):
 
 
 def test_a_line_must_join_shapes_of_the_cast():
-    with pytest.raises(EthogramError, match=r"a line joins \(0, 2\), but there are only 2 shapes"):
+    with pytest.raises(
+        EthogramError, match=r"a line joins \(0, 2\); allowed: entries of its 2 shapes"
+    ):
         scene(links=((0, 1), (0, 2)))
     with pytest.raises(EthogramError, match=r"a line joins \(-1, 0\)"):
         scene(links=((-1, 0),))

@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -73,3 +74,30 @@ def test_what_is_out_of_a_space_is_taken_for_a_value_in_it(space, given, taken):
 def test_padding_may_be_chosen_as_by_whoever_is_silenced():
     silence = jnp.array([0.0, 0.0, 1.0])
     np.testing.assert_array_equal(Simplex(3, PADDED).nearest(silence), silence)
+
+
+SAMPLED = {
+    "discrete": Discrete(3),
+    "multi-discrete": MultiDiscrete((2, 3)),
+    "simplex": Simplex(3, PADDED),
+    "box": Box(-1, 2, (3,), PADDED),
+    "unbounded box": Box(-np.inf, np.inf, (2,)),
+    "bounded below": Box(1.5, np.inf, ()),
+    "bounded above": Box(-np.inf, -1.5, ()),
+}
+
+
+@pytest.mark.parametrize("space", SAMPLED.values(), ids=SAMPLED)
+def test_what_is_drawn_from_a_space_is_in_it_and_differs(space):
+    drawn = space.sample(jax.random.key(0), 5, 20)
+    assert drawn.shape == (5, 20, *space.shape)
+    assert space.contains(drawn).all()
+    assert len(np.unique(drawn.reshape(100, -1), axis=0)) > 1
+    assert space.sample(jax.random.key(1)).shape == space.shape
+
+
+def test_a_bounded_box_is_filled_from_end_to_end():
+    drawn = np.asarray(Box(-1, 2, ()).sample(jax.random.key(0), 1000))
+    assert drawn.min() < -0.95
+    assert drawn.max() > 1.95
+    assert abs(drawn.mean() - 0.5) < 0.1

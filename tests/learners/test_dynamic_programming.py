@@ -19,7 +19,7 @@ from ethogram.learners.dynamic_programming import (
     discounted_returns,
     value_iteration,
 )
-from ethogram.learners.exploration import Constant
+from ethogram.learners.schedules import Constant
 from ethogram.learners.train import train
 
 LEFT, RIGHT = 0, 1
@@ -126,36 +126,35 @@ def test_exploring_costs_value_in_every_state_but_the_last():
 def test_monte_carlo_control_agrees_with_value_iteration():
     process, explore = chain(0.8), 0.2
     learner = MonteCarloControl(process, epsilon=Constant(explore), discount=DISCOUNT)
-    key = jax.random.key(3)
-    learned = train(learner, key, learner.init(), 4000, after_chunk=lambda *_: None)
+    state, _ = train(learner, jax.random.key(3), 4000)
     reference = solve(process, DISCOUNT, epsilon=explore)
-    value = learned.value["agent"][0]
+    value = state.value["agent"][0]
     np.testing.assert_allclose(value[:3], reference.action_value[:3], atol=0.03)
     np.testing.assert_array_equal(value[:3].argmax(-1), solve(process, DISCOUNT).policy[:3])
-    assert learned.visits["agent"].sum() > 4000
+    assert state.visits["agent"].sum() > 4000
     assert (value[3] == 0).all()  # nobody acts in a terminal state
 
 
 def test_every_visit_is_averaged():
     # Returns of the three visits at gamma 1/2: 1.75, 1.5 and 1.
     learner = MonteCarloControl(corridor(3), discount=0.5)
-    learned, metrics = learner.update(jax.random.key(0), learner.init())
-    assert float(learned.visits["agent"].sum()) == 3
-    np.testing.assert_allclose(learned.value["agent"], 4.25 / 3, rtol=1e-6)
-    np.testing.assert_allclose(metrics["return"]["agent"], [3.0])
-    again, _ = learner.update(jax.random.key(1), learned)
+    state, metrics = learner.update(jax.random.key(0), learner.init(jax.random.key(0)))
+    assert float(state.visits["agent"].sum()) == 3
+    np.testing.assert_allclose(state.value["agent"], 4.25 / 3, rtol=1e-6)
+    np.testing.assert_allclose(metrics["episode_return"]["agent"], [[3.0]])
+    again, _ = learner.update(jax.random.key(1), state)
     np.testing.assert_allclose(again.value["agent"], 4.25 / 3, rtol=1e-6)
     assert int(again.episode) == 2
 
 
 def test_what_follows_the_end_of_an_episode_counts_for_nothing():
     learner = MonteCarloControl(chain(1.0, steps=50), epsilon=Constant(0.0))
-    averages = learner.init()
-    right = {"agent": averages.value["agent"].at[..., RIGHT].set(1.0)}
-    averages = eqx.tree_at(lambda a: a.value, averages, right)
-    learned, metrics = learner.update(jax.random.key(0), averages)
-    assert float(learned.visits["agent"].sum()) <= 3
-    np.testing.assert_allclose(metrics["return"]["agent"], [1.0])
+    state = learner.init(jax.random.key(0))
+    right = {"agent": state.value["agent"].at[..., RIGHT].set(1.0)}
+    state = eqx.tree_at(lambda at: at.value, state, right)
+    state, metrics = learner.update(jax.random.key(0), state)
+    assert float(state.visits["agent"].sum()) <= 3
+    np.testing.assert_allclose(metrics["episode_return"]["agent"], [[1.0]])
 
 
 def test_returns_are_discounted_backwards():
@@ -204,7 +203,7 @@ def test_monte_carlo_control_refuses_a_world_without_discrete_spaces():
     plain = corridor(3)
     world = Unbounded(plain.transition, plain.reward, plain.terminal, plain.start)
     with pytest.raises(EthogramError, match="'agent' of Unbounded observes Box"):
-        MonteCarloControl(world).init()
+        MonteCarloControl(world).init(jax.random.key(0))
 
 
 def test_the_tests_check_the_shapes_of_arrays():

@@ -5,7 +5,9 @@ import pytest
 from tests.learners.toys import Duet, Listener
 
 from ethogram.core.pytrees import from_arrays, to_arrays
-from ethogram.learners.maddpg import MADDPG, Playing
+from ethogram.core.spaces import Box
+from ethogram.core.world import Outcome, Role, World
+from ethogram.learners.maddpg import MADDPG
 from ethogram.learners.train import Diverged, train
 
 FEW, UPDATES = 300, 1200
@@ -15,64 +17,55 @@ def duet(pay=1.0):
     return MADDPG(
         Duet(pay),
         discount=0.5,
-        rate=3e-3,
-        final_rate=3e-3,
+        learning_rate=3e-3,
+        final_learning_rate=3e-3,
         tau=0.05,
-        batch=64,
-        episodes=16,
-        memory=2048,
-        hidden=16,
+        batch_size=64,
+        learning_starts=0,
+        episodes_per_update=16,
+        buffer_size=2048,
+        hidden_size=16,
     )
 
 
-def trained(learner, seed, updates=UPDATES, after_chunk=lambda *_: None):
-    learned, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
-    return train(learner, key, learned, updates, after_chunk=after_chunk)
+def trained(learner, seed, updates=UPDATES, after_chunk=None):
+    state, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
+    return train(learner, key, updates, state=state, after_chunk=after_chunk)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_two_agents_learn_to_play_together(seed):
-    earned = []
-
-    def watch(done, learned, metrics):
-        del done, learned  # only what is earned counts
-        earned.extend(metrics["reward"]["singer"])
-
     learner = duet()
-    policy = learner.policy(trained(learner, seed, after_chunk=watch), noise=False)
+    state, metrics = trained(learner, seed)
+    policy = learner.policy(state)
     for tune in range(3):
         heard = {"singer": jnp.array([tune]), "pianist": jnp.array([tune])}
         action = policy(jax.random.key(0), heard)
         assert action["singer"] == action["pianist"] == tune
-    assert np.mean(earned[-50:]) > 0.95  # by chance 1/9, at best 1; 800 episodes with noise
+    assert (
+        metrics["episode_return"]["singer"][-50:].mean() > 0.95
+    )  # by chance 1/9, at best 1; 800 episodes with noise
 
 
 def test_a_run_taken_up_at_a_checkpoint_ends_with_the_same_agents_bit_for_bit():
     learner, kept = duet(), {}
 
-    def keep(done, learned, metrics):
+    def keep(done, state, metrics):
         del metrics
-        arrays = to_arrays(learned)
+        arrays = to_arrays(state)
         kept[done] = {name: array.copy() for name, array in arrays.items()}
 
-    whole = trained(learner, 0, after_chunk=keep)
+    whole, _ = trained(learner, 0, after_chunk=keep)
     stranger = learner.init(jax.random.key(9))
     at = sorted(kept)[len(kept) // 2]
     half = from_arrays(stranger, kept[at])
-    rest = train(
-        learner,
-        jax.random.key(100),
-        half,
-        UPDATES,
-        after_chunk=lambda *_: None,
-        start=at,
-    )
+    rest, _ = train(learner, jax.random.key(100), UPDATES, state=half, start=at)
     jax.tree.map(np.testing.assert_array_equal, rest, whole)
 
 
 def test_the_same_keys_give_the_same_agents_and_others_give_others():
     learner = duet()
-    one, same, other = (trained(learner, seed, updates=FEW).agents for seed in (0, 0, 1))
+    one, same, other = (trained(learner, seed, updates=FEW).state.agents for seed in (0, 0, 1))
     jax.tree.map(np.testing.assert_array_equal, one, same)
     assert (one["singer"][0].actor.weights[0] != other["singer"][0].actor.weights[0]).any()
 
@@ -98,26 +91,69 @@ def test_a_speaker_and_a_listener_do_much_better_than_without_a_channel(seed):
 
 def last_return(world, seed):
     """The mean return of the last 2000 episodes, with noise."""
-    rounds = 5000
+    updates, plays = 5000, 64  # the latter before the first of the former
     learner = MADDPG(
         world,
-        rate=5e-3,
-        final_rate=5e-4,
-        anneal=float(rounds),
+        learning_rate=5e-3,
+        final_learning_rate=5e-4,
+        annealing_updates=float(updates),
         tau=0.02,
-        batch=256,
-        memory=100_000,
+        batch_size=256,
+        learning_starts=25 * 256,
+        buffer_size=100_000,
         copy_targets=True,
     )
-    returns = []
+    _, metrics = trained(learner, seed, plays + updates)
+    return metrics["episode_return"]["mover"].reshape(-1)[-2000:].mean()
 
-    def keep(done, learned, metrics):
-        del done, learned
-        returns.append(metrics["reward"]["mover"].reshape(-1))
 
-    learned, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
-    first = learner.first_plays
-    learned = train(Playing(learner), key, learned, first, after_chunk=keep)
-    end = first + rounds
-    train(learner, key, learned, end, after_chunk=keep, start=first)
-    return np.concatenate(returns)[-2000:].mean()
+class Aiming(World):
+    """A thrower earns minus the squared distance of two numbers from what it sees.  One step."""
+
+    @property
+    def horizon(self):
+        return 1
+
+    @property
+    def roles(self):
+        return {"thrower": Role(1, Box(-1.0, 1.0, (2,)), Box(-2.0, jnp.array([2.0, 4.0]), (2,)))}
+
+    def reset(self, key):
+        target = jax.random.uniform(key, (2,), minval=-1.0)
+        return target, self.observe(target)
+
+    def observe(self, state):
+        return {"thrower": state[None]}
+
+    def step(self, key, state, action):
+        del key  # no wind
+        missed = jnp.square(action["thrower"][0] - state).sum()
+        return state, Outcome(
+            observation=self.observe(state),
+            reward={"thrower": -missed[None]},
+            terminated={"thrower": jnp.ones(1, bool)},
+            truncated={"thrower": jnp.zeros(1, bool)},
+        )
+
+
+def test_a_deterministic_actor_learns_where_to_aim():
+    learner = MADDPG(
+        Aiming(),
+        learning_rate=3e-3,
+        final_learning_rate=3e-3,
+        batch_size=64,
+        learning_starts=0,
+        episodes_per_update=16,
+        buffer_size=4096,
+        hidden_size=32,
+    )
+    state, metrics = trained(learner, 0)
+    aim = learner.policy(state)
+    targets = jnp.array([[0.5, -0.5], [-0.8, 0.1], [0.0, 0.9]])
+    hits = jnp.stack(
+        [aim(jax.random.key(0), {"thrower": at[None]})["thrower"][0] for at in targets]
+    )
+    np.testing.assert_allclose(hits, targets, atol=0.15)
+    earned = metrics["episode_return"]["thrower"]
+    assert earned[:10].mean() < -1.0  # at best, 0; exploring costs about 0.1
+    assert earned[-50:].mean() > -0.2

@@ -10,26 +10,24 @@ from jaxtyping import Key
 from tests.learners.toys import Market
 from tests.oracles import maddpg as oracle
 
-from ethogram.core.rollout import rollout
 from ethogram.core.spaces import Discrete
-from ethogram.learners.maddpg import MADDPG, Learned
+from ethogram.learners.episodes import play_episodes
+from ethogram.learners.maddpg import MADDPG, MADDPGState
 from ethogram.learners.networks import features, used_features
 
 BATCH = 8
 
 
 @eqx.filter_jit
-def update(learner, key, learned):
-    return learner.update(key, learned)
+def update(learner, key, state):
+    return learner.update(key, state)
 
 
 @eqx.filter_jit
-def transitions(learner, key, learned):
-    """What `play` plays with this key, one row per transition."""
-    keys = jax.random.split(key, learner.episodes)
-    policy, steps = learner.policy(learned), learner.world.horizon
-    _, played = jax.vmap(lambda each: rollout(learner.world, policy, each, steps))(keys)
-    return jax.tree.map(lambda array: array.reshape(-1, *array.shape[2:]), played)
+def transitions(learner, key, state):
+    """What an update plays with this key: episodes, then steps."""
+    policy = learner.policy(state, explore=True)
+    return play_episodes(learner.world, policy, key, learner.episodes_per_update)
 
 
 @pytest.fixture(scope="module")
@@ -38,45 +36,47 @@ def learner():
     return MADDPG(
         Market(),
         discount=0.9,
-        rate=0.02,
-        final_rate=0.005,
+        learning_rate=0.02,
+        final_learning_rate=0.005,
         temperature=0.8,
         final_temperature=1.4,
-        anneal=2.0,
+        annealing_updates=2.0,
         tau=0.4,
-        clip=0.7,
-        penalty=0.1,
-        batch=BATCH,
-        episodes=5,
-        memory=45,  # from the second round on the oldest of 30 a round are gone
-        hidden=6,
+        max_gradient_norm=0.7,
+        logit_penalty=0.1,
+        batch_size=BATCH,
+        learning_starts=0,
+        episodes_per_update=5,
+        buffer_size=45,  # from the second round on the oldest of 30 a round are gone
+        hidden_size=6,
     )
 
 
 class Round(NamedTuple):
     key: Key[Array, ""]
-    before: Learned
-    after: Learned
+    before: MADDPGState
+    after: MADDPGState
     metrics: Any
 
 
 @pytest.fixture(scope="module")
 def rounds(learner):
     """Three rounds, the first beginning with agents that have learned nothing."""
-    learned, found = learner.init(jax.random.key(1)), []
+    state, found = learner.init(jax.random.key(1)), []
     for number in range(3):
         key = jax.random.key(10 + number)
-        after, metrics = update(learner, key, learned)
-        found.append(Round(key, learned, after, metrics))
-        learned = after
+        after, metrics = update(learner, key, state)
+        found.append(Round(key, state, after, metrics))
+        state = after
     return found
 
 
 def test_after_each_round_all_parameters_and_losses_are_those_of_the_oracle(learner, rounds):
-    agents, history = plain(learner, rounds[0].before), History(learner.memory)
+    agents, history = plain(learner, rounds[0].before), History(learner.buffer_size)
     for number, (key, before, after, metrics) in enumerate(rounds):
         for_play, for_rounds = jax.random.split(key)
-        history.add(transitions(learner, for_play, before))
+        played = transitions(learner, for_play, before)
+        history.add(jax.tree.map(lambda array: array.reshape(-1, *array.shape[2:]), played))
         (for_round,) = jax.random.split(for_rounds, 1)
         turns = list(draw(learner, for_round, history))
         oracle.update(agents, turns, settings_at(learner, number))
@@ -91,9 +91,15 @@ def test_what_an_agent_earned_in_an_episode_is_reported(learner, rounds):
     key, before, _, metrics = rounds[1]
     for_play, _ = jax.random.split(key)
     played = transitions(learner, for_play, before)
+    ends = np.asarray(played.episode_end)
+    assert (ends.argmax(1) < learner.world.steps - 1).any()  # some end before time is up
     for role, reward in played.outcome.reward.items():
-        earned = reward.reshape(learner.episodes, learner.world.steps, -1).sum(1)
-        np.testing.assert_allclose(metrics["reward"][role], earned, rtol=1e-4, atol=1e-5)
+        earned = [
+            one[: end.argmax() + 1].sum(0)
+            for one, end in zip(np.asarray(reward), ends, strict=True)
+        ]
+        found = metrics["episode_return"][role]
+        np.testing.assert_allclose(found, earned, rtol=1e-4, atol=1e-5)
 
 
 # A seller's feature and choice 1 of 3 are padding.  Critics read: of the buyer 5, of the sellers
@@ -146,17 +152,15 @@ class History:
         return jax.tree.map(lambda array: array[rows], self.played)
 
 
-def everyone(learned):
+def everyone(state):
     """Role, number and networks of every agent, in the order in which critics read them."""
-    return [
-        (role, i, a) for role in sorted(learned.agents) for i, a in enumerate(learned.agents[role])
-    ]
+    return [(role, i, a) for role in sorted(state.agents) for i, a in enumerate(state.agents[role])]
 
 
-def plain(learner, learned):
+def plain(learner, state):
     """The oracle's agents, in the same order."""
     agents = []
-    for role, _, agent in everyone(learned):
+    for role, _, agent in everyone(state):
         networks = (agent.actor, agent.critic, agent.target_actor, agent.target_critic)
         space = learner.world.roles[role].action
         agents.append(
@@ -171,15 +175,15 @@ def plain(learner, learned):
 
 def settings_at(learner, number):
     def at(first, last):
-        return float(first + min(1, number / learner.anneal) * (last - first))
+        return float(first + min(1, number / learner.annealing_updates) * (last - first))
 
     return oracle.Settings(
         discount=float(learner.discount),
-        rate=at(learner.rate, learner.final_rate),
+        rate=at(learner.learning_rate, learner.final_learning_rate),
         temperature=at(learner.temperature, learner.final_temperature),
         tau=float(learner.tau),
-        clip=float(learner.clip),
-        penalty=float(learner.penalty),
+        clip=float(learner.max_gradient_norm),
+        penalty=float(learner.logit_penalty),
     )
 
 

@@ -5,7 +5,13 @@ import pytest
 
 from ethogram.core.spaces import Box, Discrete, MultiDiscrete, Simplex
 from ethogram.core.world import Role
-from ethogram.learners.joint import done, joint, joint_used, own_action, seen
+from ethogram.learners.critic_input import (
+    critic_input,
+    encode_actions,
+    encode_observations,
+    own_action,
+    used_inputs,
+)
 from ethogram.learners.networks import MLP, features, used_features
 
 ALL = jnp.ones
@@ -76,10 +82,10 @@ ROLES = {  # not in alphabetical order, on purpose
 def test_critics_read_all_observations_then_all_actions_roles_in_alphabetical_order():
     observation = {"walker": jnp.array([[[0.1, 0.0], [0.2, 0.0]]]), "caller": jnp.array([[1]])}
     action = {"walker": jnp.array([[1, 0]]), "caller": jnp.array([[[0.3, 0.7, 0.0]]])}
-    row = joint(seen(ROLES, observation), done(ROLES, action))
+    row = critic_input(encode_observations(ROLES, observation), encode_actions(ROLES, action))
     expected = [0, 1, 0.1, 0.0, 0.2, 0.0, 0.3, 0.7, 0.0, 0, 1, 1, 0]
     np.testing.assert_allclose(row, [expected])
-    np.testing.assert_array_equal(joint_used(ROLES), [1, 1, 1, 0, 1, 0, 1, 1, 0, 1, 1, 1, 1])
+    np.testing.assert_array_equal(used_inputs(ROLES), [1, 1, 1, 0, 1, 0, 1, 1, 0, 1, 1, 1, 1])
     np.testing.assert_allclose(row[0, own_action(ROLES, "caller", 0)], [0.3, 0.7, 0.0])
     np.testing.assert_allclose(row[0, own_action(ROLES, "walker", 0)], [0, 1])
     np.testing.assert_allclose(row[0, own_action(ROLES, "walker", 1)], [1, 0])

@@ -1,3 +1,5 @@
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,17 +11,15 @@ from tests.oracles import sharing as oracle
 from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.keys import counter_bits, fold_in, trial_keys
 from ethogram.core.rollout import rollout
+from ethogram.learners.base import Trials
+from ethogram.learners.distributions import epsilon_greedy
 from ethogram.learners.dynamic_programming import DecisionProcess, value_iteration
-from ethogram.learners.exploration import Constant, epsilon_greedy
-from ethogram.learners.qlearning import QLearning
+from ethogram.learners.qlearning import QLearning, QLearningState
+from ethogram.learners.schedules import Constant
 from ethogram.learners.train import train
 from ethogram.worlds.sharing import Sharing
 
 SMALL = {"agents": 3, "resources": 2, "steps": 20}
-
-
-def ignore(done, learned, metrics):
-    """Nothing to do between chunks."""
 
 
 def chain():
@@ -42,15 +42,9 @@ def chain():
 
 def test_it_reaches_the_optimum_that_value_iteration_finds():
     world = chain()
-    learner = QLearning(world, Constant(0.3), rate=0.02, discount=0.9, trials=50)
-    learned = train(
-        learner,
-        trial_keys(0, "chain", 50),
-        learner.init(),
-        2000,
-        after_chunk=ignore,
-    )
-    table = learned.table["agent"].reshape(50, 4, 2)[:, :3].mean(0)
+    learner = QLearning(world, Constant(0.3), learning_rate=0.02, discount=0.9)
+    state, _ = train(learner, trial_keys(0, "chain", 50), 2000)
+    table = state.table["agent"].reshape(50, 4, 2)[:, :3].mean(0)
     optimum = value_iteration(world, 0.9).action_value[:3]
     np.testing.assert_allclose(table, optimum, atol=0.02)
 
@@ -60,10 +54,11 @@ def test_tables_are_those_of_agents_that_keep_dictionaries(terminal):
     """Two trials of three episodes, replayed with sparse tables and the printed update."""
     world = Sharing(scenario="mixed", **SMALL, terminal=terminal)
     trials, episodes, explore = 2, 3, 0.5
-    learner = QLearning(world, Constant(explore), rate=0.1, discount=0.9, trials=trials)
+    learner = QLearning(world, Constant(explore), learning_rate=0.1, discount=0.9)
     keys = trial_keys(1, "oracle", trials)
-    learned = train(learner, keys, learner.init(), episodes, after_chunk=ignore)
-    table = np.asarray(learned.table["agent"]).reshape(trials, world.agents, world.rows, 4)
+    state, _ = train(learner, keys, episodes)
+    table = np.asarray(state.table["agent"])
+    assert table.shape == (trials, world.agents, world.rows, 4)
     for trial in range(trials):
         agents, rows = _replay(world, keys[trial], episodes, explore)
         assert sum(len(agent.table) for agent in agents) > 100
@@ -105,62 +100,75 @@ def _replay(world, key, episodes, explore):
 
 
 def test_an_interrupted_training_goes_on_to_the_same_tables():
-    learner = QLearning(Sharing(**SMALL), trials=2)
-    keys = trial_keys(0, "resume", 2)
-    whole = train(learner, keys, learner.init(), 6, after_chunk=ignore)
-    half = train(learner, keys, learner.init(), 4, after_chunk=ignore)
-    rest = train(learner, keys, half, 6, after_chunk=ignore, start=4)
+    learner, keys = QLearning(Sharing(**SMALL)), trial_keys(0, "resume", 2)
+    whole, _ = train(learner, keys, 6)
+    half, _ = train(learner, keys, 4)
+    rest, _ = train(learner, keys, 6, state=half, start=4)
     jax.tree.map(np.testing.assert_array_equal, whole, rest)
 
 
+@pytest.mark.parametrize("shared", [False, True])
+def test_trials_side_by_side_are_as_many_trials_alone(shared):
+    learner, keys = QLearning(Sharing(**SMALL), shared=shared), trial_keys(0, "alone", 2)
+    fast = train(learner, keys, 3)
+    mapped = train(Trials(learner), keys, 3)
+    alone = [train(learner, key, 3) for key in keys]
+    jax.tree.map(np.testing.assert_array_equal, fast, mapped)
+    for trial, one in enumerate(alone):
+        ours = jax.tree.map(lambda part, trial=trial: part[trial], fast.state)
+        jax.tree.map(np.testing.assert_array_equal, ours, one.state)
+        for role, earned in one.metrics["episode_return"].items():
+            np.testing.assert_array_equal(fast.metrics["episode_return"][role][:, trial], earned)
+
+
 def test_metrics_are_the_returns_of_each_trial_and_agent():
-    learner = QLearning(Sharing(**SMALL), Constant(1.0), trials=2)
-    seen = []
-
-    def watch(done, learned, metrics):
-        assert learned.episode == done
-        seen.append((done, metrics["return"]["agent"]))
-
-    keys = trial_keys(0, "metrics", 2)
-    train(learner, keys, learner.init(), 3, after_chunk=watch, seconds=0)
-    assert [(done, returns.shape) for done, returns in seen] == [(n, (1, 2, 3)) for n in (1, 2, 3)]
-    assert all((returns > 0).all() and (returns <= 19).all() for _, returns in seen)
+    learner = QLearning(Sharing(**SMALL), Constant(1.0))
+    state, metrics = train(learner, trial_keys(0, "metrics", 2), 3)
+    assert state.episode.tolist() == [3, 3]
+    returns = metrics["episode_return"]["agent"]
+    assert returns.shape == (3, 2, 1, 3)  # updates, trials, episodes, agents
+    assert (returns > 0).all()
+    assert (returns <= 19).all()
 
 
 def test_a_policy_acts_by_the_tables_of_its_trial():
     world = Sharing(**SMALL, communication="none")
-    learner = QLearning(world, trials=2)
-    learned = learner.init()
-    table = learned.table["agent"].reshape(2, 3, world.rows, 2)
+    learner, keys = QLearning(world), jax.random.split(jax.random.key(0))
+    state = learner.init(keys)
+    table = state.table["agent"]
     table = table.at[0, :, :, 0].set(1.0).at[1, :, :, 1].set(1.0)  # trial 0 wants resource 1
-    learned = eqx.tree_at(lambda state: state.table["agent"], learned, table.reshape(-1, 2))
+    state = eqx.tree_at(lambda state: state.table["agent"], state, table)
+
+    @jax.vmap
+    def play(state, key):
+        return rollout(world, learner.policy(state), key, 20)[1]
+
+    preference = play(state, keys).next_state.preference
     for trial in (0, 1):
-        _, played = rollout(world, learner.policy(learned, trial), jax.random.key(0), 20)
-        assert (played.next_state.preference == trial + 1).all()
+        assert (preference[trial] == trial + 1).all()
 
 
 def test_tables_that_do_not_fit_are_refused_with_the_size_they_need():
     world = Sharing(agents=20, resources=3)
     size = 20 * world.rows * 6 * 4
     with pytest.raises(TooLarge, match=rf"20 agent tables of {world.rows:,} x 6 needs"):
-        QLearning(world).init()
-    assert QLearning(world).table_bytes == size
+        QLearning(world).init(jax.random.key(0))
+    assert QLearning(world).table_bytes() == size
     with pytest.raises(TooLarge, match=r"more rows than 32 bits can number|needs .* of memory"):
-        QLearning(Sharing(), trials=2000).init()
+        QLearning(Sharing()).init(trial_keys(0, "many", 2000))
 
 
 def test_spaces_that_are_not_discrete_are_refused_by_name():
     with pytest.raises(EthogramError, match=r"discrete spaces; 'agent' of Sharing has MultiD"):
-        QLearning(Sharing(encoding="vector")).init()
+        QLearning(Sharing(encoding="vector")).init(jax.random.key(0))
 
 
 def test_a_shared_table_moves_as_by_one_update_after_the_other():
     """Singers on one step that sing one note: towards the mean of what they earn, n times."""
     world, rate = Choir(), 0.1
-    learner = QLearning(world, Constant(1.0), rate=rate, trials=40, shared=True)
-    keys = trial_keys(0, "choir", 40)
-    learned = train(learner, keys, learner.init(), 1, after_chunk=ignore)
-    table = np.asarray(learned.table["singer"]).reshape(40, 2, 2)
+    learner = QLearning(world, Constant(1.0), learning_rate=rate, shared=True)
+    state, _ = train(learner, trial_keys(0, "choir", 40), 1)
+    table = np.asarray(state.table["singer"]).reshape(40, 2, 2)
     pay = np.asarray(world.pay)
     seen = set()
     for trial in table:
@@ -182,13 +190,30 @@ def test_a_shared_table_moves_as_by_one_update_after_the_other():
 
 def test_agents_that_share_a_table_act_by_the_same_row():
     world = Choir()
-    learner = QLearning(world, trials=2, shared=True)
-    learned = learner.init()
-    learned = eqx.tree_at(
-        lambda each: each.table["singer"], learned, jnp.array([[0, 1], [1, 0], [1, 0], [0, 1.0]])
-    )
+    learner = QLearning(world, shared=True)
     _, seen = world.reset(jax.random.key(0))
-    for trial, expected in ((0, [1, 1, 1, 0]), (1, [0, 0, 0, 1])):
-        action = learner.policy(learned, trial)(jax.random.key(1), seen)
+    for table, expected in (([[0, 1], [1, 0]], [1, 1, 1, 0]), ([[1, 0], [0, 1]], [0, 0, 0, 1])):
+        state = QLearningState({"singer": jnp.array([table], float)}, jnp.int32(0))
+        action = learner.policy(state)(jax.random.key(1), seen)
         assert action["singer"].tolist() == expected
-    assert "1 singer tables of 2 x 2" in learner.size
+    assert learner.size(2) == "2 trials x 1 singer tables of 2 x 2"
+
+
+class Injured(Choir):
+    """A choir whose first singer is out: neither in play nor at the end of her episode."""
+
+    def step(self, key, state, action):
+        after, outcome = super().step(key, state, action)
+        acting = {"singer": jnp.arange(len(self.stand)) > 0}
+        return after, dataclasses.replace(outcome, acting=acting)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_who_is_not_in_play_learns_nothing(shared):
+    world = Injured(stand=(0, 1, 1, 1))
+    learner = QLearning(world, Constant(1.0), learning_rate=0.5, shared=shared)
+    state, metrics = train(learner, jax.random.key(0), 1)
+    table = state.table["singer"]
+    assert not table[0, 0].any()  # only the first stands there
+    assert table[0 if shared else 1, 1].any()
+    np.testing.assert_array_equal(metrics["episode_return"]["singer"][0, 0], world.pay)

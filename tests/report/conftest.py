@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from ethogram.core.findings import Claim, Figure, Measured, Revision, Table, Verdict
+from ethogram.core.findings import Claim, ClaimPart, Figure, Measured, Revision, Table, Verdict
 from ethogram.core.introduction import Introduction
 from ethogram.report import StudyPage
 from ethogram.studies import plotting
@@ -52,6 +52,19 @@ REVISION = Revision(
 )
 
 
+SHARED = Revision(
+    date="2026-11-06", change="The margin is wider.", reason="It was narrow.", known="Nothing."
+)
+MEASURED = ClaimPart(
+    compared="J(always) - J(none), mixed", effect=0.7, low=0.6, high=0.8, unit="reward per step",
+    side="more than", margin=0.5,
+)  # fmt: skip
+MISSING = replace(
+    MEASURED, compared="J(always) - J(none)", effect=None, low=None, high=None, note="not run: none"
+)
+PARTS = (MEASURED, MISSING)
+
+
 def claim(number: int, statement: str, verdict: Verdict) -> Claim:
     ran = verdict != "not run"
     return Claim(
@@ -70,8 +83,9 @@ def claim(number: int, statement: str, verdict: Verdict) -> Claim:
         margin=0.5 if ran else None,
         compared="always - none" if ran else "",
         stated="2026-11-01",
-        history=(REVISION,) if number == 2 else (),
+        history=(REVISION,) if number == 2 else (SHARED,) if number in (3, 4) else (),
         depends_on=("J in validation: undecided",) if number == 2 else (),
+        parts=PARTS if number == 1 else (),
     )
 
 

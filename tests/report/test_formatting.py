@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -6,6 +7,7 @@ from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim
 from ethogram.report import formatting
+from ethogram.report.margins import claimed
 
 
 @pytest.mark.parametrize(
@@ -69,6 +71,20 @@ def test_an_effect_has_the_digits_that_its_interval_bears() -> None:
 
 def test_an_effect_smaller_than_its_interval_does_not_read_as_zero() -> None:
     assert formatting.effect(claim(-0.31, -780.0, 779.6, "")) == ("\u22120.3", "[\u2212780, 780]")
+
+
+def test_an_interval_that_ends_next_to_its_margin_reads_as_the_verdict_does() -> None:
+    near = replace(claim(-0.018, -0.0482, -0.0048, "J"), side="less than", margin=-0.0479)
+    assert formatting.effect(near)[1] == "[\u22120.0482, \u22120.0048]"
+    assert claimed(near) == "less than \u22120.0479 J"
+    beyond = replace(near, margin=-0.04821)
+    assert formatting.effect(beyond)[1] == "[\u22120.04820, \u22120.00480]"
+    assert claimed(beyond) == "less than \u22120.04821 J"
+    on_it = replace(near, margin=-0.0482)
+    assert formatting.effect(on_it)[1] == "[\u22120.048, \u22120.005]"
+    far = replace(near, side="within", margin=0.1)
+    assert formatting.effect(far)[1] == "[\u22120.048, \u22120.005]"
+    assert claimed(far) == "between \u22120.10 and 0.10 J"
 
 
 def test_an_effect_may_lack_bounds_or_be_missing() -> None:

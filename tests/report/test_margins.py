@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ethogram.core.findings import Claim, Revision
-from ethogram.report.formatting import note, shared_history, stated
-from ethogram.report.margins import claimed, line
+from ethogram.report.formatting import note, shared_revisions, stated
+from ethogram.report.margins import claimed, margin_plot
 
 CLAIM = Claim(
     number=4, statement="", test="", effect=-0.018, low=-0.026, high=-0.010, unit="return",
@@ -22,7 +22,7 @@ WIDTHS = st.just(0.0) | st.floats(1e-6, 1e6)
 
 def drawn(claim: Claim) -> dict[str, list[float]]:
     """Where things are: the shade from left to right, margins, the interval, the effect."""
-    root = ET.fromstring(line(claim))
+    root = ET.fromstring(margin_plot(claim))
     found: dict[str, list[float]] = {"bound": []}
     for part in root:
         kind, path = part.get("class", ""), part.get("d", "")
@@ -79,13 +79,13 @@ def test_an_open_interval_ends_at_the_edge_and_without_a_margin_nothing_is_drawn
     at = drawn(replace(CLAIM, low=-math.inf, high=None))
     assert at["interval"] == [10, 230]
     for missing in ({"effect": None}, {"margin": None}, {"side": None}, {"effect": math.nan}):
-        assert line(replace(CLAIM, **missing)) == ""
+        assert margin_plot(replace(CLAIM, **missing)) == ""
     assert claimed(replace(CLAIM, margin=None)) == ""
 
 
 def test_text_in_a_line_is_text() -> None:
     hostile = '"><script>run()</script>'
-    root = ET.fromstring(line(replace(CLAIM, unit=hostile)))
+    root = ET.fromstring(margin_plot(replace(CLAIM, unit=hostile)))
     assert hostile in root.get("aria-label", "")
 
 
@@ -117,9 +117,14 @@ def test_what_the_page_says_of_when_claims_were_stated_is_what_they_say() -> Non
 
 def test_changes_to_all_claims_are_said_once_and_the_deciding_comparison_too() -> None:
     one, other = (Revision(date="2026-11-02", change=each, reason="", known="") for each in "ab")
-    claims = [replace(CLAIM, history=(one, other)), replace(CLAIM, history=(other,))]
-    assert shared_history(claims) == (other,)
-    assert shared_history(claims[:1]) == ()
+    claims = [
+        replace(CLAIM, number=1, history=(one, other)),
+        replace(CLAIM, number=2, history=(other, one)),
+        replace(CLAIM, number=3, history=(other,)),
+    ]
+    assert shared_revisions(claims) == {other: "all claims", one: "claims 1 and 2"}
+    assert list(shared_revisions(claims)) == [other, one]
+    assert shared_revisions(claims[:1]) == {}
     told = replace(CLAIM, compared="a - b", note="3 trials; rests on: a - b; leans towards it")
     assert note(told) == "3 trials; leans towards it"
     assert note(replace(told, compared="")) == told.note

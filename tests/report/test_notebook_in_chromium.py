@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import FrameLocator, Page
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 
 HOSTILE = "\"'></iframe></script><script>document.title='run'</script><img src=x onerror=alert(1)>"
 FRAMES = 21
@@ -23,7 +23,7 @@ def rising(axes: int = 2, **changes) -> Scene:
         title="rising",
         bounds=(-0.5, 0.0, 0.5, 1.0),
         frame_seconds=0.05,
-        palette=("going",),
+        palette=tints("going"),
         shapes=(Shape("circle" if axes == 2 else "cube", 0.05),),
         position=position,
         tint=np.zeros((FRAMES, 1), int),
@@ -93,7 +93,7 @@ def test_text_of_a_scene_is_shown_and_neither_leaves_the_frame_nor_runs(
     page.on("dialog", lambda dialog: pytest.fail(f"it ran: {dialog.message}"))
     scene = rising(
         title=HOSTILE,
-        palette=(HOSTILE,),
+        palette=tints(HOSTILE),
         captions=(HOSTILE,) * FRAMES,
         shapes=(Shape("circle", 0.05, HOSTILE),),
         words=(HOSTILE,),

@@ -13,7 +13,7 @@ from tests.report.player import FRAMES, crossing
 
 from ethogram.core.findings import Claim, Measured, Table
 from ethogram.core.introduction import Introduction
-from ethogram.core.scene import Shape
+from ethogram.core.scene import Shape, tints
 from ethogram.report import (
     Comparison,
     Replay,
@@ -145,7 +145,7 @@ def test_names_without_a_break_do_not_make_a_phone_scroll_sideways(
     long = "verylongnamewithoutanybreak" * 3
     scene = crossing(
         title=long,
-        palette=(long, long),
+        palette=tints(long, long),
         captions=(long,) * FRAMES,
         chapters=tuple(f"{long}{frame // 9}" for frame in range(FRAMES)),
         shapes=(Shape("circle", 0.8, long),),
@@ -281,8 +281,38 @@ def test_a_claim_shows_its_margin_and_its_history(
     assert "J in validation: undecided" in said
     above = page.locator("#section-claims + p").inner_text()
     assert above.startswith("Each was first stated before the run")
-    assert "Claim 2: its test has changed since" in above
+    assert "Claims 2, 3 and 4: their tests have changed since" in above
     assert "2026-11-01" in page.locator("#claim-1 dl").inner_text()
+
+
+def test_the_comparisons_of_a_claim_are_folded_away_until_somebody_asks_for_them(
+    folder: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    assert page.locator(".claim details").count() == 1  # of the claim that has several
+    listed = page.locator("#claim-1 details li")
+    assert not listed.first.is_visible()
+    page.locator("#claim-1 summary").click()
+    assert [" ".join(text.split()) for text in listed.all_inner_texts()] == [
+        "J(always) - J(none), mixed: 0.70 reward per step [0.60, 0.80]; "
+        "claimed: more than 0.50 reward per step",
+        "J(always) - J(none): claimed: more than 0.50 reward per step; not run: none",
+    ]
+
+
+def test_a_change_that_several_claims_share_stands_once(
+    folder: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = open_tab()
+    page.goto(url(folder))
+    text = page.locator("section", has=page.locator("#section-claims")).inner_text()
+    assert text.count("The margin is wider.") == 1
+    assert "Of claims 3 and 4 changed 2026-11-06: The margin is wider." in text
+    for number in (3, 4):
+        said = " ".join(page.locator(f"#claim-{number} dl").inner_text().split())
+        assert "Changed 2026-11-06, as is said above of claims 3 and 4" in said
+    assert (folder / "report" / "sharing.md").read_text().count("The margin is wider.") == 1
 
 
 def test_a_page_opens_with_what_it_is_about(folder: Path, open_tab: Callable[..., Page]) -> None:

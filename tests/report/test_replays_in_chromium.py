@@ -21,6 +21,8 @@ from tests.report.player import (
     at,
     centre,
     crossing,
+    driving,
+    extent,
     frames,
     heard,
     opened,
@@ -30,9 +32,9 @@ from tests.report.player import (
 
 from ethogram import cli
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Shape
+from ethogram.core.scene import Shape, tints
 from ethogram.report import Replay, StudyPage, write, write_replay
-from ethogram.report.replay import packed
+from ethogram.report.replay import encode_replays, subsample
 
 NASTY = (
     "</script>",
@@ -83,6 +85,43 @@ def test_scrubbing_shows_what_the_scene_has_in_that_frame(
     assert found is not None
     x, y = scene.position[frame, 0]
     np.testing.assert_allclose(found, (x / WIDTH, 1 - y / HEIGHT), atol=0.01)
+
+
+def test_polygons_turn_and_change_their_form_above_a_background_that_stays(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    page = opened(tmp_path, open_tab, driving(), color_scheme="light")
+    canvas = page.locator("[data-part=canvas]")
+    for frame, car, body in (
+        (0, (3, 1), (3, 3)),
+        (20, (2.8, 2.8), (3, 1.8)),
+        (40, (1, 3), (3, 0.6)),
+    ):
+        page.locator("[data-part=frame]").fill(str(frame))
+        seen = pixels(canvas)
+        assert centre(seen, BLUE) == pytest.approx((4 / WIDTH, 1 - 6 / HEIGHT), abs=0.01)
+        assert extent(seen, BLUE) == pytest.approx(car, abs=0.2)
+        assert extent(seen, RED) == pytest.approx(body, abs=0.2)
+        scale = seen.shape[1] / WIDTH
+        lane = np.abs(seen[:, round(9 * scale)] - (189, 186, 177)).max(1) < 8
+        assert lane.sum() == pytest.approx(2 * scale, abs=3)
+    page.locator("[data-part=frame]").fill("20")
+    slope = np.argwhere(np.abs(pixels(canvas) - BLUE).max(2) < 12).T
+    assert np.corrcoef(*slope)[0, 1] < -0.5  # up to the right
+
+
+def test_a_single_frame_is_shown_without_what_would_play_it(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    one = subsample(driving(series={"way": np.zeros((FRAMES, 1))}), FRAMES)
+    page = opened(tmp_path, open_tab, one, crossing())
+    assert frames(page) == 1
+    assert centre(pixels(page.locator("[data-part=canvas]")), BLUE) is not None
+    parts = ("frame", "play", "chart", "lines")
+    assert not any(page.locator(f"[data-part={part}]").is_visible() for part in parts)
+    page.locator("[data-part=scene]").select_option("case 2")
+    until(page, lambda: frames(page) == FRAMES)
+    assert all(page.locator(f"[data-part={part}]").is_visible() for part in parts)
 
 
 def test_it_moves_while_it_plays_and_stands_when_it_is_stopped(
@@ -341,7 +380,7 @@ def test_text_of_a_scene_is_shown_and_never_run(
 ) -> None:
     scene = crossing(
         title=HOSTILE,
-        palette=(HOSTILE, HOSTILE),
+        palette=tints(HOSTILE, HOSTILE),
         captions=(HOSTILE,) * FRAMES,
         shapes=(Shape("circle", 0.8, HOSTILE),),
         words=(HOSTILE,),
@@ -371,7 +410,7 @@ def test_drawn_texts_are_shown_letter_by_letter_and_never_run(
     scene = crossing(
         captions=captions,
         chapters=chapters,
-        palette=names[:2],
+        palette=tints(*names[:2]),
         shapes=(Shape("circle", 0.8, names[2]),),
         words=names[3:4],
         said=np.zeros((FRAMES, 1), int),
@@ -409,11 +448,12 @@ def test_a_damaged_scene_shows_a_message_not_a_blank(
     error.wait_for()
     assert error.inner_text() == "This replay cannot be shown: it is cut short."
     text = (tmp_path / "replay.html").read_text()
-    assert '"trouble"' in text
+    assert '"error"' in text
     whole = opened(tmp_path, open_tab, crossing())
     text = (tmp_path / "replay.html").read_text()
-    data = json.loads(packed([Replay(name="case", scene=crossing())]))[0]["arrays"]["tint"]["data"]
-    short = packed([Replay(name="case", scene=crossing(tint=np.zeros((FRAMES, 1), int)))])
+    whole_scene = encode_replays([Replay(name="case", scene=crossing())])
+    data = json.loads(whole_scene)[0]["arrays"]["tint"]["data"]
+    short = encode_replays([Replay(name="case", scene=crossing(tint=np.zeros((FRAMES, 1), int)))])
     other = json.loads(short)[0]["arrays"]["tint"]["data"]
     assert data in text
     (tmp_path / "replay.html").write_text(text.replace(f'"frames": {FRAMES}', '"frames": 40'))

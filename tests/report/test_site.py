@@ -107,7 +107,7 @@ def test_a_study_opens_with_the_picture_it_names_or_with_its_first_scene(
     other = replace(named, replays=replays[:1])
     assert other.opening is not None
     assert (other.opening.scene, other.opening.caption) == (scenes["first"], "crossing")
-    assert replace(named, replays=[Replay(name="second", scene=None, trouble="no")]).opening is None
+    assert replace(named, replays=[Replay(name="second", scene=None, error="no")]).opening is None
     write(tmp_path, [named])
     drawn = ET.parse(tmp_path / "report" / "sharing" / "opening.svg").getroot()
     discs = list(drawn.iter("{http://www.w3.org/2000/svg}circle"))
@@ -164,7 +164,7 @@ def test_text_cannot_become_markup_in_markdown(tmp_path: Path, bare: StudyPage) 
 def test_a_page_shows_cases_from_first_to_last_before_it_shows_further_trials():
     def shown(cases: int, trials: int) -> list[tuple[str, int]]:
         replays = [
-            Replay(name=str(case), scene=None, trouble="none", trial=trial)
+            Replay(name=str(case), scene=None, error="none", trial=trial)
             for case in range(cases)
             for trial in range(1, trials + 1)
         ]

@@ -10,7 +10,7 @@ from playwright.sync_api import Locator, Page
 from tests.report.player import HOSTILE, at, frames, heard, opened, pixels, until
 
 from ethogram import cli
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint, tints
 
 RECORDS = Path(__file__).parents[2] / "docs" / "results" / "records"
 FRAMES, EDGE, WAY = 31, 0.01, 0.06  # m
@@ -24,7 +24,7 @@ def crawling(**changes) -> Scene:
         "title": "crawling",
         "bounds": (0.0, 0.0, WAY, 2 * EDGE),
         "frame_seconds": 0.05,
-        "palette": ("contracted", "at rest", "expanded"),
+        "palette": tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS)),
         "shapes": (Shape("cube", EDGE / 2),),
         "position": np.stack([x, np.zeros(FRAMES), np.full(FRAMES, EDGE / 2)], 1)[:, None],
         "tint": np.repeat([0, 1, 2], [10, 11, 10])[:, None],
@@ -193,7 +193,7 @@ def test_text_of_a_scene_is_shown_and_never_run(
 ) -> None:
     scene = crawling(
         title=HOSTILE,
-        palette=(HOSTILE,) * 3,
+        palette=tints(*[HOSTILE] * 3),
         captions=(HOSTILE,) * FRAMES,
         series={HOSTILE: np.zeros((FRAMES, 1))},
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.report.svg import alone, inlined
+from ethogram.report.svg import inline, standalone
 from ethogram.studies.sensing.bodies_drawn import draw_bodies
 
 LINKED = (
@@ -17,7 +17,7 @@ LINKED = (
 def test_two_drawings_share_no_id_and_each_use_finds_its_own() -> None:
     ids = set()
     for name in ("figure-1", "figure-2"):
-        root = ET.fromstring(inlined(LINKED, name=name, alt=""))
+        root = ET.fromstring(inline(LINKED, name=name, alt=""))
         marker, clip = (root.find(f"defs/{tag}").get("id") for tag in ("path", "clipPath"))  # type: ignore[union-attr]
         assert root.find("use").get("href") == f"#{marker}"  # type: ignore[union-attr]
         assert root.find("use").get("style") == "fill: #0072b2"  # type: ignore[union-attr]
@@ -32,20 +32,20 @@ def test_groups_that_say_nothing_are_left_out_and_what_they_hold_is_kept() -> No
         '<svg xmlns="http://www.w3.org/2000/svg"><g><g fill="red"><g><path d="M 0 0"/></g></g>'
         "<g><rect/></g></g><g/></svg>"
     )
-    root = ET.fromstring(inlined(grouped, name="f", alt=""))
+    root = ET.fromstring(inline(grouped, name="f", alt=""))
     assert [element.tag for element in root.iter()] == ["svg", "g", "path", "rect"]
     assert [element.tag for element in root] == ["g", "rect"]
 
 
 def test_an_inlined_drawing_is_an_image_with_its_text_as_text() -> None:
-    root = ET.fromstring(inlined(LINKED, name="f", alt='<b>"A" & B</b>'))
+    root = ET.fromstring(inline(LINKED, name="f", alt='<b>"A" & B</b>'))
     assert root.tag == "svg"
     assert root.get("role") == "img"
     assert root.get("aria-label") == '<b>"A" & B</b>'
 
 
 def test_a_drawing_alone_is_a_file_that_any_viewer_knows_as_svg() -> None:
-    root = ET.fromstring(alone(LINKED, name="f", alt=""))
+    root = ET.fromstring(standalone(LINKED, name="f", alt=""))
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     assert "background" in root.get("style", "")
 
@@ -53,7 +53,7 @@ def test_a_drawing_alone_is_a_file_that_any_viewer_knows_as_svg() -> None:
 @pytest.mark.parametrize("svg", ["", "<svg", "<html/>", "<svg/><svg/>"])
 def test_what_is_not_one_svg_is_refused_by_the_figures_name(svg: str) -> None:
     with pytest.raises(EthogramError, match="figure 'figure-1'"):
-        inlined(svg, name="figure-1", alt="")
+        inline(svg, name="figure-1", alt="")
 
 
 HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
@@ -73,7 +73,7 @@ HOSTILE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.
 
 
 def test_nothing_of_a_drawing_runs_is_fetched_or_leads_elsewhere() -> None:
-    for whole in (inlined(HOSTILE, name="f", alt=""), alone(HOSTILE, name="f", alt="")):
+    for whole in (inline(HOSTILE, name="f", alt=""), standalone(HOSTILE, name="f", alt="")):
         root = ET.fromstring(whole)
         tags = {element.tag.rpartition("}")[2] for element in root.iter()}
         assert tags <= {"svg", "image", "use", "path", "text", "g"}
@@ -89,7 +89,7 @@ def test_nothing_of_a_drawing_runs_is_fetched_or_leads_elsewhere() -> None:
 
 
 def test_what_draws_is_kept_beside_what_does_not() -> None:
-    root = ET.fromstring(inlined(HOSTILE, name="f", alt=""))
+    root = ET.fromstring(inline(HOSTILE, name="f", alt=""))
     first, second, third = root.findall("path")[-3:]
     drawn = root.find(".//path[@id]")
     assert drawn is not None
@@ -107,7 +107,7 @@ def test_what_draws_is_kept_beside_what_does_not() -> None:
     [("129.6pt", "0.250"), ("3.6in", "0.500"), ("345.6px", "0.500"), ("518.4pt", ""), ("", "")],
 )
 def test_a_drawing_narrower_than_a_page_keeps_its_share_of_it(width: str, share: str) -> None:
-    root = ET.fromstring(inlined(f'<svg width="{width}"/>', name="f", alt=""))
+    root = ET.fromstring(inline(f'<svg width="{width}"/>', name="f", alt=""))
     assert root.get("style", "") == (f"--share: {share}" if share else "")
 
 
@@ -116,6 +116,6 @@ def test_one_body_is_drawn_as_large_as_it_is_beside_others() -> None:
     shares = []
     for count in (1, 4):
         svg = draw_bodies({f"worm {number}": cells for number in range(count)})
-        root = ET.fromstring(inlined(svg, name="f", alt=""))
+        root = ET.fromstring(inline(svg, name="f", alt=""))
         shares.append(root.get("style", ""))
     assert shares == ["--share: 0.250", ""]

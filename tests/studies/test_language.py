@@ -3,6 +3,7 @@ from functools import partial
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -13,10 +14,10 @@ from ethogram.campaign.context import Context
 from ethogram.core import specs
 from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
-from ethogram.learners.maddpg import MADDPG
+from ethogram.core.wrappers import RolePolicies
 from ethogram.learners.train import Diverged
 from ethogram.studies import language as study
-from ethogram.studies.language import compute
+from ethogram.studies import training
 from ethogram.studies.language.metrics import association_information
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, world_of
 from ethogram.studies.language.validation import influence, watch
@@ -24,7 +25,7 @@ from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import Informed, Optimal, Uninformed
 
 # one case of the smoke plan, small; in all tests the same shapes, hence one compiled program
-ONE = ["expressiveness=1", "talkers=learned", "learner.memory=200"]
+ONE = ["expressiveness=1", "talkers=learned", "learner.buffer_size=200"]
 
 
 def cases(plan, *changes):
@@ -34,7 +35,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_play():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "train", partial(compute.train, seconds=0))
+        patch.setattr(training, "train", partial(training.train, seconds=0))
         yield
 
 
@@ -52,13 +53,33 @@ def records(ran):
     return {case.name: record}
 
 
+class Taught(eqx.Module):
+    """In the place of a learner: hand-made policies, which nothing changes."""
+
+    world: Language
+    policies: RolePolicies
+    discount: float = 0.95
+    hidden_size: int = 0
+
+    def policy(self, state, *, explore=False):
+        del state, explore
+        return self.policies
+
+    def actor_outputs(self, state, observation):
+        del state
+        weights = self.policies(jax.random.key(0), observation)
+        return jax.tree.map(jnp.log, weights)
+
+
+def taught(world, mover):
+    return Taught(world, RolePolicies({"mover": mover(world), "talker": Optimal(world)}))
+
+
 @pytest.fixture(scope="module")
 def watched():
     """Robots that know how to talk and how to listen, watched in every way."""
-    world = Language(alphabet=4, capacity=6)
-    learner = MADDPG(world, {"mover": Informed(world), "talker": Optimal(world)}, memory=100)
-    learned = learner.init(jax.random.key(0))
-    return watch(learner, learned, jax.random.key(1), 2000)
+    learner = taught(Language(vocabulary_size=4, max_vocabulary_size=6), Informed)
+    return watch(learner, None, jax.random.key(1), 2000)
 
 
 def test_the_thesis_plan_is_section_2_5_1():
@@ -69,13 +90,16 @@ def test_the_thesis_plan_is_section_2_5_1():
     assert sum(not at.silence for at in learned) == 333
     assert sum(at.silence for at in learned) == 16  # 2x2 again; without symbols all are silent
     assert len(conditions) - len(learned) == 18
-    assert {at.alphabet for at in learned if (at.robots, at.targets) == (3, 4)} == {*range(49)}
+    assert {at.vocabulary_size for at in learned if (at.robots, at.targets) == (3, 4)} == {
+        *range(49)
+    }
     for case in found:
         chosen = case.parsed(Settings)
         assert (chosen.trials, chosen.episodes, chosen.world.steps) == (5, 20_000, 25)
         learner = chosen.learner
-        assert (learner.discount, learner.batch, learner.rate) == (0.95, 512, 0.01)
-        assert (learner.memory, learner.clip, learner.hidden) == (1_000_000, 0.5, 64)
+        assert (learner.discount, learner.batch_size, learner.learning_rate) == (0.95, 512, 0.01)
+        assert (learner.buffer_size, learner.max_gradient_norm) == (1_000_000, 0.5)
+        assert (learner.hidden_size, learner.learning_starts) == (64, 25 * 512)
 
 
 def test_an_alphabet_has_one_case_whatever_the_expressiveness_it_was_asked_by():
@@ -172,12 +196,11 @@ def test_the_discounted_return_is_that_of_equation_2_1(watched):
 
 def test_words_move_those_who_listen_and_nobody_else(watched):
     assert (np.asarray(watched.influence) > 0.3).all()  # bits; also when a robot hears itself
-    world = Language(alphabet=4, capacity=6)
-    deaf = MADDPG(world, {"mover": Uninformed(world), "talker": Optimal(world)}, memory=100)
+    world = Language(vocabulary_size=4, max_vocabulary_size=6)
     states = jax.vmap(jax.vmap(lambda key: world.reset(key)[0]))(
         jax.random.split(jax.random.key(2), (2, 3))
     )
-    unmoved = eqx.filter_jit(influence)(deaf, deaf.init(jax.random.key(0)), states)
+    unmoved = eqx.filter_jit(influence)(taught(world, Uninformed), None, states)
     np.testing.assert_allclose(unmoved, 0.0, atol=1e-6)
 
 
@@ -190,28 +213,28 @@ def test_a_checkpoint_goes_on_to_the_same_record(ran):
 
 
 def test_a_loss_that_is_not_finite_stops_the_run_and_names_trial_agent_and_update():
-    (case,) = cases("smoke", *ONE, "learner.rate=1e30")
+    (case,) = cases("smoke", *ONE, "learner.learning_rate=1e30")
     told = r"Trial 0: (critic|actor)_loss\.(mover|talker)\[\d\] is not finite at update \d+"
     with pytest.raises(Diverged, match=told):
         study.run(case, Context())
 
 
-def test_a_learner_has_no_more_memory_than_its_episodes_fill():
+def test_a_learner_has_no_more_room_for_transitions_than_its_episodes_fill():
     (case,) = cases("quick", "expressiveness=1", "talkers=learned")
-    assert learner_of(case.parsed(Settings)).memory == 8000 * 25
+    assert learner_of(case.parsed(Settings)).buffer_size == 8000 * 25
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        ["world.steps=1000000", "learner.memory=1000000000", "episodes=1000"],  # the replay
+        ["world.steps=1000000", "learner.buffer_size=1000000000", "episodes=1000"],  # the replay
         [
             "validation_episodes=1000000",
             "world.steps=1000",
-            "learner.memory=5000",
+            "learner.buffer_size=5000",
         ],  # the validation
-        ["learner.hidden=100000"],  # the networks
-        ["learner.batch=1000000", "world.robots=7", "expressiveness=100"],  # a minibatch
+        ["learner.hidden_size=100000"],  # the networks
+        ["learner.batch_size=1000000", "world.robots=7", "expressiveness=100"],  # a minibatch
         ["episodes=100000000", "record_every=1", "trials=10000"],  # the learning curves
     ],
 )
@@ -222,12 +245,12 @@ def test_a_case_too_large_for_memory_is_refused_before_it_is_computed(changes):
 
 
 NUMBERS = {
-    "learner.rate": st.floats(0, 1, exclude_min=True, width=32),
+    "learner.learning_rate": st.floats(0, 1, exclude_min=True, width=32),
     "learner.discount": st.floats(0, 1),
     "learner.temperature": st.floats(0.1, 10),
     "learner.tau": st.floats(0, 1),
-    "learner.clip": st.floats(0.1, 10),
-    "learner.penalty": st.floats(0, 1),
+    "learner.max_gradient_norm": st.floats(0.1, 10),
+    "learner.logit_penalty": st.floats(0, 1),
     "seed": st.integers(0, 2**32 - 1),
 }
 # what fixes a compiled program: drawn in the slow test
@@ -245,8 +268,8 @@ SHAPES = {
     "record_every": st.integers(1, 40),
     "trials": st.integers(1, 2),
     "learner.straight_through": st.booleans(),
-    "learner.rounds": st.integers(1, 2),
-    "learner.episodes": st.integers(1, 5),
+    "learner.updates_per_iteration": st.integers(1, 2),
+    "learner.episodes_per_update": st.integers(1, 5),
 }
 ODD = st.one_of(
     st.none(),
@@ -262,7 +285,7 @@ SMALL = dict(change.split("=") for change in (*ONE, "episodes=16", "trials=1"))
 
 
 def fuzz_language(examples, shapes, capsys):
-    messages = (*MESSAGES, "not finite", "more than capacity")
+    messages = (*MESSAGES, "not finite", "more than max_vocabulary_size")
     valid = drawn(shapes, NUMBERS)
     return fuzz("language", SMALL, valid, WRONG, examples, capsys, then="report", messages=messages)
 

@@ -21,16 +21,16 @@ LEARNS_AT = {"learned": 9, "no-communication": 2, "optimal": 4}  # thousand epis
 
 def record(condition, reward, episodes=20_000, learns_at=None):
     """A record of a condition: R_val per trial, learned in one step, with a perfect language."""
-    robots, targets, talkers, alphabet, _ = condition
+    robots, targets, talkers, vocabulary_size, _ = condition
     reward = np.asarray(reward, float)
     point = np.arange(1, 21) * episodes // 20
     late = 1000 * (learns_at or LEARNS_AT[talkers]) + np.resize([0, 1000, 0], len(reward))
     training = np.where(point < late[:, None], 3 * reward[:, None], reward[:, None])
-    meaning = np.full((len(reward), robots, robots, targets, alphabet + 1), np.nan)
+    meaning = np.full((len(reward), robots, robots, targets, vocabulary_size + 1), np.nan)
     for talker, guided, target in np.ndindex(robots, robots, targets):
         if guided != talker:
-            word = min(1 + target + targets * guided, alphabet)
-            meaning[:, talker, guided, target] = np.eye(alphabet + 1)[word]
+            word = min(1 + target + targets * guided, vocabulary_size)
+            meaning[:, talker, guided, target] = np.eye(vocabulary_size + 1)[word]
     episode = np.array([-1.0, 1.0])  # about the mean
     returns = {"validation": 0, "noise_free": 1, "discounted": 2, "silenced": -9, "scrambled": -4}
     data = {
@@ -102,10 +102,10 @@ def verdicts(records):
 
 def test_the_settings_are_those_of_the_campaign():
     assert sum(len(one.curve()) for one in SETTINGS) == 333
-    assert [Setting(2, 3).learned(e).alphabet for e in (0.25, 1, 3)] == [1, 6, 18]
-    reached = {Setting(4, 4).learned(e).alphabet for e in CURVE}
+    assert [Setting(2, 3).learned(e).vocabulary_size for e in (0.25, 1, 3)] == [1, 6, 18]
+    reached = {Setting(4, 4).learned(e).vocabulary_size for e in CURVE}
     assert reached == set(range(65))
-    assert Setting(7, 7).learned(1 / 49).alphabet == 1  # although 1 / 49 * 49 < 1
+    assert Setting(7, 7).learned(1 / 49).vocabulary_size == 1  # although 1 / 49 * 49 < 1
 
 
 def test_published_numbers_are_complete():
@@ -189,7 +189,7 @@ def test_two_alphabets_are_too_few_to_normalise():
 def test_results_know_their_condition_from_numbers_of_any_type():
     condition = Condition(2, 2, "learned", 4, True)
     found = record(condition, [-20, -21, -22])
-    found["results"].attrs |= {"robots": np.int64(2), "alphabet": 4.0, "silence": 1}
+    found["results"].attrs |= {"robots": np.int64(2), "vocabulary_size": 4.0, "silence": 1}
     (read,) = Results.of({"a": found}).by_condition
     assert read == condition
     assert [type(part) for part in read] == [type(part) for part in condition]

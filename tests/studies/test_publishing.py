@@ -9,10 +9,11 @@ from tests.studies.contexts import Remembering
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.studies import publishing as study
-from ethogram.studies.publishing import compute, results, robustness
+from ethogram.studies import training
 from ethogram.studies.publishing import records as kept
+from ethogram.studies.publishing import results, robustness
 from ethogram.studies.publishing.condition import (
     AUTHOR_LEARNS,
     BIG,
@@ -40,7 +41,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_episode():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "train", partial(compute.train, seconds=0))
+        patch.setattr(training, "train", partial(training.train, seconds=0))
         yield
 
 
@@ -331,7 +332,7 @@ def test_a_verdict_that_another_measure_changes_is_marked_with_it():
         nearly = own * random.uniform(0.95, 1.05, own.shape)
         data["indicator.impact_factor"][:] = nearly[:, None]
     found, table = {claim.number: claim for claim in study.claims(records)}, judged(records)
-    counted = robustness.CHANGES[0].words
+    counted = robustness.CHANGES[0].description
     assert found[7].verdict == table["nothing: as stated"][7] == "refuted"
     assert table[counted] == {2: "refuted", 6: "refuted", 7: "confirmed"} | dict.fromkeys(
         (1, 3, 4, 5)
@@ -465,7 +466,7 @@ def test_scenes_stay_within_their_share_of_a_record(journals, per_year):
         title="made up",
         bounds=(-20.0, 0.0, 20.0, 10.0),
         frame_seconds=0.2,
-        palette=("one", "other"),
+        palette=tints("one", "other"),
         shapes=(Shape("circle", 1.0),) * size[1],
         position=rng.uniform(-20, 20, (*size, 2)),
         tint=rng.integers(0, 2, size),

@@ -92,7 +92,7 @@ def scene(at, cells):
     edge = np.full((frames, len(cells)), 0.01)
     edge[::2, 0] = 0.011
     return scene_of_poses(
-        at.words, Pose(position, orientation, edge), resting=0.01, seconds=0.1
+        at.description, Pose(position, orientation, edge), resting=0.01, seconds=0.1
     ).to_dataset()
 
 

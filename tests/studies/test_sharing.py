@@ -13,11 +13,12 @@ from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome, Transition
 from ethogram.studies import sharing as study
+from ethogram.studies import training
 from ethogram.studies.sharing import compute
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import inequality
 from ethogram.studies.sharing.earnings import earnings
-from ethogram.studies.sharing.plan import Condition, Settings
+from ethogram.studies.sharing.plan import Settings
 from ethogram.studies.sharing.validation import ACTS, summarise
 from ethogram.worlds.sharing import Sharing, State
 
@@ -46,7 +47,7 @@ def test_the_thesis_plan_is_table_3_1():
         )
         world, learner, explore = settings.world, settings.learner, settings.exploration
         assert (world.agents, world.resources, world.steps) == (10, 2, 100)
-        assert (learner.rate, learner.discount) == (0.1, 0.9)
+        assert (learner.learning_rate, learner.discount) == (0.1, 0.9)
         assert (explore.start, explore.end, explore.decay) == (1.0, 0.01, 0.9995)
 
 
@@ -138,9 +139,9 @@ def test_the_optimum_counts_from_the_step_from_which_the_displacement_stays_clos
         [10, 0, 3, 0, 0, 0, 0, 0, 0, 0.6, 0],
         [10, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0],
     )
-    steps = measure.steps_to_optimum(data, Condition("mixed", "always", True))
+    steps = measure.steps_to_optimum("mixed")(data)
     np.testing.assert_array_equal(steps, [3, 11, 2])
-    np.testing.assert_allclose(measure.unsettled(data, None), [9, 0.6, 0])
+    np.testing.assert_allclose(measure.unsettled(data), [9, 0.6, 0])
 
 
 @pytest.mark.parametrize(
@@ -253,7 +254,7 @@ def test_claims_say_when_they_were_stated_and_what_was_changed_since():
 
 
 def test_a_checkpoint_goes_on_to_the_same_record(monkeypatch):
-    monkeypatch.setattr(compute, "train", partial(compute.train, seconds=0))
+    monkeypatch.setattr(training, "train", partial(training.train, seconds=0))
     case = study.cases(
         study.PLANS["smoke"].override(
             ["world.scenario=mixed", "strategy=none", "world.observe_filling=true"]
@@ -319,7 +320,7 @@ FEW_SHAPES = st.sampled_from(
 )
 NUMBERS = {
     "world.scenario": st.sampled_from(["cooperative", "mixed"]),
-    "learner.rate": st.floats(0, 1),
+    "learner.learning_rate": st.floats(0, 1),
     "learner.discount": st.floats(0, 1),
     "exploration.start": st.floats(0, 1),
     "exploration.end": st.floats(0, 1),

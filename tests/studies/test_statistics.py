@@ -1,6 +1,7 @@
 import dataclasses
 import importlib.util
 import math
+import re
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -17,10 +18,10 @@ from ethogram.studies.statistics import (
     Part,
     Support,
     Trials,
-    contributions,
     difference,
     holm,
     interval_of_mean,
+    jackknife_pseudovalues,
     judge,
     measured,
 )
@@ -201,9 +202,9 @@ def test_a_difference_of_differences_adds_four_variances():
 
 def test_contributions_to_a_mean_are_the_values_and_to_a_difference_those_about_the_means():
     a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
-    (alone,) = contributions(np.mean, a)
+    (alone,) = jackknife_pseudovalues(np.mean, a)
     np.testing.assert_allclose(alone, a)
-    first, second = contributions(lambda a, b: a.mean() - b.mean(), a, b)
+    first, second = jackknife_pseudovalues(lambda a, b: a.mean() - b.mean(), a, b)
     np.testing.assert_allclose(first, a - 4.0)
     np.testing.assert_allclose(second, [1.0, -1.0])
 
@@ -211,7 +212,7 @@ def test_contributions_to_a_mean_are_the_values_and_to_a_difference_those_about_
 def test_contributions_to_a_product_of_means_are_those_worked_by_hand():
     # The product is 3 * 4 = 12; without a trial of the first, the mean is 4, 3.5 or 1.5.
     a, b = np.array([1.0, 2.0, 6.0]), np.array([3.0, 5.0])
-    first, second = contributions(lambda a, b: a.mean() * b.mean(), a, b)
+    first, second = jackknife_pseudovalues(lambda a, b: a.mean() * b.mean(), a, b)
     np.testing.assert_allclose(first, 12 + 2 * (np.mean([16, 14, 6]) - [16, 14, 6]))
     np.testing.assert_allclose(second, [-3.0, 3.0])
     assert first.mean() + second.mean() == pytest.approx(12)
@@ -226,7 +227,7 @@ def test_a_part_of_contributions_has_the_error_of_the_statistic():
     rng, found, errors = np.random.default_rng(0), [], []
     for _ in range(400):
         values = rng.normal(size=25)
-        (each,) = contributions(between, values)
+        (each,) = jackknife_pseudovalues(between, values)
         found.append(each.mean())
         errors.append(each.std(ddof=1) / 5)
     assert np.mean(errors) == pytest.approx(np.std(found), rel=0.1)
@@ -234,7 +235,7 @@ def test_a_part_of_contributions_has_the_error_of_the_statistic():
 
 def test_rows_of_a_sample_are_left_out_whole():
     rows = np.arange(12.0).reshape(4, 3)
-    (found,) = contributions(lambda rows: rows.mean(), rows)
+    (found,) = jackknife_pseudovalues(lambda rows: rows.mean(), rows)
     np.testing.assert_allclose(found, rows.mean(1))
 
 
@@ -411,6 +412,29 @@ def test_a_part_in_doubt_leaves_the_claim_undecided():
     assert claim.low < 0 < claim.high
 
 
+@pytest.mark.parametrize("side", ["at least", "at most"])
+def test_an_undecided_claim_says_about_how_many_trials_would_decide_it(side):
+    few = normal(3, 0.3, size=8)
+    note = verdict(part((1.0, few), side=side)).note
+    more = int(re.fullmatch(r"leans .*; about (\d+) trials in place of 8 would .*", note)[1])
+
+    def decided(copies):  # the same effect and spread, all but for the n - 1 of a variance
+        many = Trials("many", np.tile(few.values, copies))
+        return verdict(part((1.0, many), side=side)).verdict != "undecided"
+
+    assert decided(round(1.2 * more / 8))
+    assert not decided(round(0.8 * more / 8))
+
+
+def test_where_more_trials_would_not_decide_it_none_are_named():
+    at_the_margin = verdict(part((1.0, trials(-1, 1, -2, 2, 1e-6))))
+    capped = Trials("capped", np.full(9, 5.0), Support(high=5.0, capped=True))
+    too_few = verdict(part((1.0, trials(1.0, 2.0, 3.0))))
+    for claim in (at_the_margin, verdict(part((1.0, capped), side="less than", margin=9)), too_few):
+        assert claim.verdict == "undecided"
+        assert "would decide" not in claim.note
+
+
 # What cannot be tested
 
 
@@ -435,7 +459,11 @@ def test_a_claim_run_in_part_can_be_refuted_and_not_confirmed(mean, expected, no
     elsewhere = part(*difference(normal(2, 0), Trials("elsewhere", None)))
     claim, alone = verdict(elsewhere, here), verdict(here)
     assert alone.verdict != "undecided"
-    assert claim == dataclasses.replace(alone, verdict=expected, note=note)
+    assert claim == dataclasses.replace(alone, verdict=expected, note=note, parts=claim.parts)
+    missing, tested = claim.parts
+    assert (missing.effect, missing.low, missing.note) == (None, None, "not run: elsewhere")
+    assert (tested.compared, tested.effect, tested.note) == ("here", alone.effect, "")
+    assert alone.parts == ()
 
 
 def test_a_claim_run_in_part_shows_the_weakest_part_and_counts_what_was_not_run():
@@ -623,7 +651,9 @@ def test_a_part_that_was_not_run_takes_away_a_confirmation_and_nothing_else(fami
     partly = judge([spec(*one, absent, number=n) for n, one in enumerate(family)])
     for one, other in zip(whole, partly, strict=True):
         expected = "undecided" if one.verdict == "confirmed" else one.verdict
-        assert other == dataclasses.replace(one, verdict=expected, note=other.note)
+        assert other == dataclasses.replace(
+            one, verdict=expected, note=other.note, parts=other.parts
+        )
         assert ("not run: elsewhere" in other.note) == (expected == "undecided")
 
 

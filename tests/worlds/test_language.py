@@ -11,6 +11,7 @@ from tests.oracles import language as oracle
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import rollout
 from ethogram.core.scene import Scene
+from ethogram.core.wrappers import RolePolicies
 from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import (
     Informed,
@@ -18,7 +19,6 @@ from ethogram.worlds.language.policies import (
     Optimal,
     Pull,
     Uninformed,
-    joint,
     steer,
 )
 from ethogram.worlds.language.scene import record, word_names
@@ -38,15 +38,15 @@ def act(world, moves, words):
     """A joint action of pure choices."""
     return {
         "mover": choices(moves, len(MOVES)),
-        "talker": choices(words, world.capacity + 1),
+        "talker": choices(words, world.max_vocabulary_size + 1),
     }
 
 
 def weights(world, steps, seed=0):
     """Random actions that mix choices, steps leading."""
     draw = np.random.default_rng(seed)
-    used = np.asarray(world.words)
-    words = np.zeros((steps, world.robots, world.capacity + 1), np.float32)
+    used = np.asarray(world.vocabulary_mask)
+    words = np.zeros((steps, world.robots, world.max_vocabulary_size + 1), np.float32)
     words[..., used] = draw.dirichlet(np.ones(used.sum()), (steps, world.robots))
     moves = draw.dirichlet(np.ones(len(MOVES)), (steps, world.robots)).astype(np.float32)
     return {"mover": jnp.asarray(moves), "talker": jnp.asarray(words)}
@@ -113,9 +113,9 @@ def test_under_the_printed_law_a_robot_moves_first_and_never_slows_down():
     [
         {"robots": 2, "targets": 2},
         {"robots": 3, "targets": 4, "execution": "hard", "allow_silence": True},
-        {"robots": 2, "targets": 3, "alphabet": 0, "dynamics": "literal", "delta": 0.02},
+        {"robots": 2, "targets": 3, "vocabulary_size": 0, "dynamics": "literal", "delta": 0.02},
         {"robots": 4, "targets": 2, "dynamics": "literal", "execution": "hard"},
-        {"robots": 3, "targets": 1, "alphabet": 2, "observe_velocity": True},
+        {"robots": 3, "targets": 1, "vocabulary_size": 2, "observe_velocity": True},
     ],
 )
 def test_the_world_is_the_one_that_the_thesis_writes(settings):
@@ -126,7 +126,7 @@ def test_the_world_is_the_one_that_the_thesis_writes(settings):
         targets=start.target,
         guides=start.guides.tolist(),
         goals=start.goal.tolist(),
-        words=world.capacity + 1,
+        words=world.max_vocabulary_size + 1,
         dynamics=world.dynamics,
         execution=world.execution,
         delta=float(world.delta),
@@ -203,7 +203,7 @@ def test_starts_are_drawn_uniformly_and_independently():
 
 
 def test_room_for_more_symbols_changes_nothing_but_the_padding():
-    tight, roomy = Language(capacity=4), Language(capacity=16)
+    tight, roomy = Language(max_vocabulary_size=4), Language(max_vocabulary_size=16)
     actions = weights(tight, 25)
     padding = ((0, 0), (0, 0), (0, 12))
     padded = actions | {"talker": jnp.pad(actions["talker"], padding)}
@@ -225,7 +225,7 @@ def test_room_for_more_symbols_changes_nothing_but_the_padding():
 
 
 @pytest.mark.parametrize(
-    ("alphabet", "allow_silence", "words"),
+    ("vocabulary_size", "allow_silence", "words"),
     [
         (0, False, [SILENCE]),
         (0, True, [SILENCE]),
@@ -234,9 +234,11 @@ def test_room_for_more_symbols_changes_nothing_but_the_padding():
     ],
 )
 def test_a_talker_may_be_silent_only_where_it_is_allowed_or_where_there_is_no_symbol(
-    alphabet, allow_silence, words
+    vocabulary_size, allow_silence, words
 ):
-    world = Language(alphabet=alphabet, allow_silence=allow_silence, capacity=5)
+    world = Language(
+        vocabulary_size=vocabulary_size, allow_silence=allow_silence, max_vocabulary_size=5
+    )
     space = world.roles["talker"].action
     np.testing.assert_array_equal(space.contains(jnp.eye(6)), np.isin(range(6), words))
 
@@ -246,12 +248,12 @@ def test_languages_of_all_sizes_share_one_program():
 
     @jax.jit
     @jax.vmap
-    def used(alphabet):
+    def used(vocabulary_size):
         traces.append(None)
-        world = Language(alphabet=alphabet, capacity=6)
+        world = Language(vocabulary_size=vocabulary_size, max_vocabulary_size=6)
         _, observation = world.reset(KEY)
         space = world.roles["mover"].observation
-        return world.words.sum(), space.contains(observation["mover"]).all()
+        return world.vocabulary_mask.sum(), space.contains(observation["mover"]).all()
 
     sizes, fits = used(jnp.arange(7))
     np.testing.assert_array_equal(sizes, [1, 1, 2, 3, 4, 5, 6])
@@ -260,20 +262,22 @@ def test_languages_of_all_sizes_share_one_program():
 
 
 def test_a_world_can_be_changed_inside_a_compiled_program():
-    world = Language(alphabet=3)
+    world = Language(vocabulary_size=3)
     shape = jax.jit(lambda key: replace(world, targets=5).reset(key)[0].target)(KEY).shape
     assert shape == (5, 2)
 
 
 def test_an_alphabet_without_room_and_a_lone_robot_are_refused():
-    with pytest.raises(InvalidSettings, match="alphabet = 5 is more than capacity = 4"):
-        Language(alphabet=5)
+    with pytest.raises(
+        InvalidSettings, match="vocabulary_size = 5 is more than max_vocabulary_size = 4"
+    ):
+        Language(vocabulary_size=5)
     with pytest.raises(InvalidSettings, match=r"robots = 1: .*greater than or equal to 2"):
         Language(robots=1)
 
 
 def test_optimal_talkers_name_each_association_by_its_own_symbol_and_others_are_silent():
-    world = Language(robots=3, targets=4, alphabet=12, capacity=15)
+    world = Language(robots=3, targets=4, vocabulary_size=12, max_vocabulary_size=15)
     known = [np.concatenate([r, t]) for r in np.eye(3) for t in np.eye(4)]
     observation = jnp.array(known).reshape(4, 3, 7)  # any three at a time
     said = jax.vmap(Optimal(world), (None, 0))(KEY, observation).reshape(12, 16)
@@ -285,15 +289,15 @@ def test_optimal_talkers_name_each_association_by_its_own_symbol_and_others_are_
 @pytest.mark.parametrize("policy", [Optimal, Informed])
 def test_optimal_talkers_need_a_symbol_for_each_association(policy):
     with pytest.raises(InvalidSettings, match=r"3 robots and 4 targets need 12 symbols.* has 11"):
-        policy(Language(robots=3, targets=4, alphabet=11, capacity=20))
+        policy(Language(robots=3, targets=4, vocabulary_size=11, max_vocabulary_size=20))
 
 
 def test_informed_movers_go_to_the_middle_until_they_hear_of_their_own_target():
-    world = Language(robots=3, targets=2, alphabet=6, capacity=7)
+    world = Language(robots=3, targets=2, vocabulary_size=6, max_vocabulary_size=7)
     corners = [(0.0, 0.0), (0.0, 1.0)]
     # robots in the middle between the targets; 1 guides 2, 2 guides 3, 3 guides 1
     state = facing(world, [(0.0, 0.5)] * 3, corners, [1, 2, 0], [0, 1, 1])
-    policy = joint(mover=Informed(world), talker=Optimal(world))
+    policy = RolePolicies({"mover": Informed(world), "talker": Optimal(world)})
     action = policy(KEY, world.observe(state))
     np.testing.assert_allclose(action["mover"], choices([NONE] * 3, 5), atol=1e-6)
     state, outcome = world.step(KEY, state, action)
@@ -322,13 +326,13 @@ REFERENCE = {
 @pytest.mark.parametrize("pair", REFERENCE)
 def test_reference_controllers_earn_what_they_are_known_to_earn(pair, targets):
     symbols, episodes, side_by_side = 2 * targets, 20_000, 2_000
-    world = Language(targets=targets, alphabet=symbols, capacity=symbols)
+    world = Language(targets=targets, vocabulary_size=symbols, max_vocabulary_size=symbols)
     mover, talker = pair
 
     @jax.jit
     @jax.vmap
     def play(key):
-        policy = joint(mover=mover(world), talker=talker(world))
+        policy = RolePolicies({"mover": mover(world), "talker": talker(world)})
         reward = rollout(world, policy, key, world.steps)[1].outcome.reward
         return sum(part.sum() for part in reward.values()) / world.robots
 
@@ -376,3 +380,14 @@ def test_robots_that_guide_each_other_are_joined_by_one_line():
     start = facing(world, [(0, 0), (0, 1)], [(0.5, 0), (1, 1)], [1, 0], [1, 1])
     states, _ = replay(world, start, weights(world, 2))
     assert sorted(record(start, states).links) == [(2, 1), (2, 3), (3, 1)]
+
+
+def test_a_law_of_motion_of_ones_own_takes_the_place_of_the_damped_one():
+    def jump(position, velocity, push, delta):
+        return position + delta * push, jnp.zeros_like(velocity)
+
+    world = Language(dynamics=jump, delta=0.5, steps=2)
+    state, _ = world.reset(KEY)
+    after, _ = world.step(KEY, state, act(world, [RIGHT, NONE], [A, A]))
+    np.testing.assert_allclose(after.position - state.position, [[0.5, 0], [0, 0]], atol=1e-6)
+    assert np.isinf(world.roles["mover"].observation.high).all()

@@ -10,19 +10,20 @@ from hypothesis.extra.numpy import arrays
 
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.keys import branch
+from ethogram.core.wrappers import RolePolicies
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.citations import cite, rise
-from ethogram.worlds.publishing.initial import distance, initial_references, power_law
+from ethogram.worlds.publishing.initial import distance, initial_references
 from ethogram.worlds.publishing.literature import LEVELS, distinct, draw, first_beyond
 from ethogram.worlds.publishing.policies import (
     Minded,
     Random,
     Ranking,
     Scrutiny,
-    Together,
     ranking_of,
     static,
 )
+from ethogram.worlds.publishing.quality import linear, power_law
 
 SMALL = Publishing(authors=12, journals=10, initial_papers=60, years=5, steps_per_year=4)
 
@@ -35,7 +36,7 @@ def play(world, author, editor, seed=0, look=lambda state: state):
     if isinstance(editor, str):
         policy = static(world, author, editor)
     else:  # the share that editors turn away
-        policy = Together(Random(), Scrutiny(editor))
+        policy = RolePolicies({"author": Random(), "editor": Scrutiny(editor)})
 
     @jax.jit
     def run(key):
@@ -123,8 +124,8 @@ def test_h_indices_are_those_of_counting_anew(played):
                 reverse=True,
             )
             expected = max((min(i, c) for i, c in enumerate(own, 1)), default=0)
-            assert state.standing.h_index[author] == expected
-    assert at(states, -1).standing.h_index.max() >= 2
+            assert state.citation_stats.h_index[author] == expected
+    assert at(states, -1).citation_stats.h_index.max() >= 2
 
 
 CITING = Publishing(authors=20, journals=10, initial_papers=100, years=4, steps_per_year=10)
@@ -141,21 +142,21 @@ def test_h_indices_of_any_citation_graph_are_those_of_counting(owner, graph):
     size = len(state.literature.author)
     author = jnp.full(size, -1).at[:100].set(owner)
     own = jnp.asarray(np.bincount(owner[owner >= 0], minlength=20))
-    papers, standing = eqx.tree_at(
+    papers, stats = eqx.tree_at(
         lambda at: (at[0].author, at[0].citations, at[1].tally),
-        (state.literature, state.standing),
-        (author, jnp.zeros(size, int), state.standing.tally.at[:, 0].set(own)),
+        (state.literature, state.citation_stats),
+        (author, jnp.zeros(size, int), state.citation_stats.tally.at[:, 0].set(own)),
     )
     counts = np.zeros(100, int)
     for cited in graph:
-        standing, papers = jitted_cite(papers, standing, jnp.asarray(cited))
-        standing = jitted_rise(standing)
+        stats, papers = jitted_cite(papers, stats, jnp.asarray(cited))
+        stats = jitted_rise(stats)
         np.add.at(counts, cited[cited >= 0], 1)
         np.testing.assert_array_equal(papers.citations[:100], counts)
         for one in range(20):
             ranked = np.sort(counts[owner == one])[::-1]
             expected = (ranked >= np.arange(1, len(ranked) + 1)).sum()
-            assert standing.h_index[one] == expected
+            assert stats.h_index[one] == expected
 
 
 def test_impact_factors_are_those_of_equation_7_3(played):
@@ -205,7 +206,9 @@ def test_editors_accept_what_is_at_least_their_quartile(played):
 
 def test_rewards_are_changes_of_h_index_and_at_the_years_end_of_impact_factor(played):
     world, states, _, outcomes = played
-    np.testing.assert_array_equal(outcomes.reward["author"].sum(0), at(states, -1).standing.h_index)
+    np.testing.assert_array_equal(
+        outcomes.reward["author"].sum(0), at(states, -1).citation_stats.h_index
+    )
     change = np.nan_to_num(states.impact[1:]) - np.nan_to_num(states.impact[:-1])
     np.testing.assert_allclose(outcomes.reward["editor"], change, atol=1e-6)
     quiet = (np.arange(world.horizon) + 1) % world.steps_per_year != 0
@@ -280,8 +283,8 @@ def test_three_authors_and_two_journals_worked_by_hand():
     np.testing.assert_array_equal(state.literature.citations[:7], citations)
     # a cited paper has an author with an h-index of 1, whoever cites it
     owners = [[0, 1, 2][paper] for paper in cited]
-    assert state.standing.h_index.tolist() == [int(author in owners) for author in range(3)]
-    np.testing.assert_array_equal(outcome.reward["author"], state.standing.h_index)
+    assert state.citation_stats.h_index.tolist() == [int(author in owners) for author in range(3)]
+    np.testing.assert_array_equal(outcome.reward["author"], state.citation_stats.h_index)
     # the year ends with nothing more: both citations are of papers of the year before
     outcome = go(3, [0, 0, 0], [0.0, 0.0])
     of_journal = np.bincount([[0, 0, 1][paper] for paper in cited], minlength=2)
@@ -317,7 +320,7 @@ def test_a_step_without_papers_has_its_place_among_the_others():
 def test_runs_side_by_side_are_the_runs_one_by_one(authors, share):
     """Also where in one of them nothing comes out, and where more does than is served at once."""
     world = Publishing(authors=authors, journals=10, initial_papers=40, years=2, steps_per_year=4)
-    policy = Together(Minded(world.quality_max), Scrutiny(share))
+    policy = RolePolicies({"author": Minded(world.quality_max), "editor": Scrutiny(share)})
 
     def run(key):
         def step(at, key):
@@ -427,16 +430,32 @@ def test_two_phases_bring_the_impact_factors_near_to_the_real_ones():
     assert anywhere.min() > 0.3
 
 
-def test_qualities_follow_the_power_law():
-    found = power_law(
-        jax.random.key(0),
-        (20_000,),
-        slope=1.5,
-        greatest=5.0,
-        quality_max=15.0,
-        scale="linear",
+def test_laws_of_ones_own_take_the_place_of_those_of_the_thesis():
+    def everywhere(_key, year, _cited, journals, _aim):
+        return jnp.arange(len(year)) % journals
+
+    def alike(_chance, quality, _sigma, _quality_max):
+        return quality
+
+    world = Publishing(
+        authors=4,
+        journals=3,
+        initial_papers=9,
+        years=1,
+        quality_bounds=alike,
+        quality_scale=lambda x, largest, quality_max: jnp.full_like(x, 3.0),
+        init_assignment=everywhere,
+        if_window=lambda received, papers, undefined: papers + 0.5,
     )
-    x = 1 + 4 * np.asarray(found) / 15
+    state, seen = reset(world, jax.random.key(0))
+    np.testing.assert_array_equal(state.literature.journal[:9], np.arange(9) % 3)
+    np.testing.assert_allclose(seen["author"][:, 0], 3.0, atol=1e-3)
+    np.testing.assert_array_equal(state.impact % 1, 0.5)
+
+
+def test_qualities_follow_the_power_law():
+    drawn = power_law(jax.random.key(0), (20_000,), exponent=1.5, largest=5.0)
+    x = 1 + 4 * np.asarray(linear(drawn, 5.0, 15.0)) / 15
     reach = (1 - x**-0.5) / (1 - 5**-0.5)  # the distribution function
     assert scipy.stats.kstest(reach, "uniform").pvalue > 0.001
 
@@ -511,8 +530,8 @@ def test_what_does_not_fit_is_refused(monkeypatch):
     monkeypatch.setattr("ethogram.core.memory.available_memory", lambda: 10**7)
     with pytest.raises(TooLarge, match=r"5000 authors, 20 journals .* needs .* 10 MB are free"):
         reset(Publishing(authors=5000), jax.random.key(0))
-    with pytest.raises(InvalidSettings, match="greatest"):
-        Publishing(greatest=1.0)
+    with pytest.raises(InvalidSettings, match="power_law_max"):
+        Publishing(power_law_max=1.0)
 
 
 @given(

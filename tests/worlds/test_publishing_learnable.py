@@ -69,7 +69,9 @@ def test_rows_are_made_of_what_learners_know(played):
 def test_learners_earn_what_their_indicator_gains(played):
     world, states, _, outcomes = played
     system = states.system
-    level = system.standing.h_index if world.learns == "author" else np.nan_to_num(system.impact)
+    level = (
+        system.citation_stats.h_index if world.learns == "author" else np.nan_to_num(system.impact)
+    )
     np.testing.assert_allclose(outcomes.reward[world.learns], np.diff(level, axis=0), atol=1e-6)
     paid = Learnable(SYSTEM, world.others, world.learns, reward="level")
     pay = jax.vmap(paid._pay, (0, 0))(jax.tree.map(lambda part: part[1:], system), outcomes)
@@ -94,7 +96,7 @@ def test_the_most_ambitious_go_to_the_best_journal_and_the_most_selective_take_t
 def test_indicators_are_those_of_the_state_by_name(played):
     _, states, *_ = played
     state = jax.tree.map(lambda part: part[-1], states).system
-    found = {name: INDICATORS.get(name) for name in INDICATORS.names()}
+    found = {name: INDICATORS[name] for name in INDICATORS}
     assert set(found) >= {"h_index", "impact_factor", "acceptance_rate", "papers"}
     for each in found.values():
         assert len(each.measure(state)) == (12 if each.of == "author" else 10)

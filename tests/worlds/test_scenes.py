@@ -75,13 +75,13 @@ def episodes():
 
     @cache
     def of(name):
-        world = WORLDS.get(name)(**SMALL.get(name, {}))
+        world = WORLDS[name](**SMALL.get(name, {}))
         return world, played(world, world.horizon)
 
     return of
 
 
-@pytest.fixture(params=WORLDS.names())
+@pytest.fixture(params=WORLDS)
 def shown(request, episodes):
     """A world, an episode, and its scene."""
     world, trajectory = episodes(request.param)

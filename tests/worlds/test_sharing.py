@@ -160,16 +160,29 @@ def test_with_all_active_an_even_split_is_the_collective_optimum(scenario):
 
     def total(first):
         filling = jnp.array([first, 10 - first])
-        return float((filling * reward_of_filling(filling, code, 10, 2, False)).sum())
+        return float((filling * reward_of_filling(filling, code, 10, 2)).sum())
 
     assert max(range(11), key=total) == 5
 
 
 def test_the_literal_rewards_divide_by_agents_and_resources():
     filling = jnp.array([5, 5])
-    np.testing.assert_allclose(reward_of_filling(filling, 0, 10, 2, True), 0.25)
-    np.testing.assert_allclose(reward_of_filling(filling, 1, 10, 2, True), 0.2)  # as printed
-    np.testing.assert_allclose(reward_of_filling(filling, 2, 10, 2, True), 0.25)
+    np.testing.assert_allclose(reward_of_filling(filling, 0, 10, 2, literal=True), 0.25)
+    np.testing.assert_allclose(
+        reward_of_filling(filling, 1, 10, 2, literal=True), 0.2
+    )  # as printed
+    np.testing.assert_allclose(reward_of_filling(filling, 2, 10, 2, literal=True), 0.25)
+
+
+def test_a_reward_of_ones_own_takes_the_place_of_a_scenario():
+    def first_come(filling, agents, resources):
+        return jnp.array([2.0, 1.0]) * (filling <= agents / resources)
+
+    world = Sharing(scenario=first_come, agents=3)
+    _, played = play(world, [[0, 0, 2], [0, 0, 2]])
+    np.testing.assert_array_equal(played[1][1].reward["agent"], [0, 0, 1])  # two are too many
+    with pytest.raises(InvalidSettings, match=r"shape \(\); allowed: \(2,\), a number for each"):
+        play(Sharing(scenario=lambda filling, agents, resources: 1.0), [[0] * 10])
 
 
 @pytest.mark.parametrize("terminal", [False, True])

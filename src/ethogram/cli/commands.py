@@ -122,17 +122,17 @@ def list_() -> int:
     from ethogram.worlds import WORLDS
 
     broken = STUDIES.unreadable()
-    for name in STUDIES.names():
+    for name in STUDIES:
         try:
-            study = STUDIES.get(name)
+            study = STUDIES[name]
         except EthogramError as error:
             broken.append(str(error))
             continue
         print(f"{name}: {study.TITLE}. {study.QUESTION}")
         for plan in study.PLANS.values():
             print(f"  --plan {plan.name}: {plan.description}")
-    print(f"worlds: {', '.join(WORLDS.names())}")
-    print(f"learners: {', '.join(LEARNERS.names())}")
+    print(f"worlds: {', '.join(WORLDS)}")
+    print(f"learners: {', '.join(LEARNERS)}")
     for message in broken:
         say(readable(message))
     return FAILED if broken else DONE
@@ -208,11 +208,11 @@ def replay(
     page_size: PageSize = 10.0,
     show: Show = True,
 ) -> int:
-    """Show the recorded scene of a case, as a page that needs no network or as a film."""
+    """Show the recorded scene of a case, as a page that needs no network or as a video."""
     from ethogram.campaign.files import refuse_link
     from ethogram.campaign.manifests import Damaged
     from ethogram.report import page_bytes, write_replay
-    from ethogram.report.render.video import write_film
+    from ethogram.report.render.video import write_video
     from ethogram.report.site import slug
 
     suffix = out.suffix.lower().removeprefix(".") if out else ""
@@ -240,9 +240,9 @@ def replay(
         replays = list(trials.values()) if trial is None else [shown]
         write_replay(file, study, replays, page_bytes=page_bytes(page_size))
     elif shown.scene is None:
-        raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.trouble}.")
+        raise EthogramError(f"The case {case!r} of {study!r} cannot be shown: {shown.error}.")
     else:
-        write_film(file, shown.scene)
+        write_video(file, shown.scene)
     tell(file)
     if show and written == "html":
         webbrowser.open(file.resolve().as_uri())
@@ -332,7 +332,7 @@ def reproduce(
 
     compute = engine_named(engine)
     chosen, troubles = [], []
-    for name in STUDIES.names():
+    for name in STUDIES:
         try:
             chosen.append(_chosen(name, plan))
         except EthogramError as error:
@@ -368,7 +368,7 @@ def _chosen(
     """The study and its plan that a user names."""
     from ethogram.studies import STUDIES
 
-    study = STUDIES.get(study_name)
+    study = STUDIES[study_name]
     if plan_name not in study.PLANS:
         raise UnknownName(f"{study_name} plan", plan_name, study.PLANS)
     return study, study.PLANS[plan_name].override(changes)

@@ -39,15 +39,14 @@ def gathered(folder: Path, names: Container[str] | None = None) -> Gathered:
     from ethogram.studies import STUDIES
 
     studies, damages, refusals = [], [], []
-    known = STUDIES.names()
     for name, store in stores(folder).items():
         if names is not None and name not in names:
             continue
-        if name not in known:
+        if name not in STUDIES:
             say(f"{store.folder} is left out: no study of the name {name!r} is installed.")
             continue
         try:
-            study = STUDIES.get(name)
+            study = STUDIES[name]
             collected = _collected(study, store)
         except EthogramError as error:
             refusals.append(str(error))
@@ -247,5 +246,5 @@ def _replay(name: str, stored: "xr.Dataset", trial: int) -> "Replay":
         return Replay(name=name, scene=Scene.from_dataset(stored), trial=trial)
     except (EthogramError, AttributeError, LookupError, TypeError, ValueError) as error:
         reason = str(error) or type(error).__name__
-        trouble = f"what is stored is no scene ({reason})"
-        return Replay(name=name, scene=None, trouble=trouble, trial=trial)
+        what = f"what is stored is no scene ({reason})"
+        return Replay(name=name, scene=None, error=what, trial=trial)

@@ -75,14 +75,14 @@ ReplayFormat = Annotated[
     Format | None,
     Parameter(
         name="--format",
-        help="What to write: a page with a player (html), or a film (mp4 needs `ethogram[video]`); "
-        "by default what the name of --out ends in, else html.",
+        help="What to write: a page with a player (html), or a video (mp4 needs "
+        "`ethogram[video]`); by default what the name of --out ends in, else html.",
     ),
 ]
 ReplayTrial = Annotated[
     int | None,
     Parameter(
-        help="Trial to show, from 1; by default all that were recorded, in a film the first."
+        help="Trial to show, from 1; by default all that were recorded, in a video the first."
     ),
 ]
 PageSize = Annotated[

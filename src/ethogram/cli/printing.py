@@ -158,9 +158,10 @@ def _p_value(p_value: float) -> str:
     return "p < 1e-15" if p_value < 1e-15 else f"p = {p_value:.2g}"
 
 
-def finite(fields: dict[str, Any]) -> dict[str, Any]:
+def finite(fields: Any) -> Any:
     """Fields as JSON has them, in which a number that is none is null."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in fields.items()
-    }
+    if isinstance(fields, dict):
+        return {name: finite(value) for name, value in fields.items()}
+    if isinstance(fields, (list, tuple)):
+        return list(map(finite, fields))
+    return None if isinstance(fields, float) and not math.isfinite(fields) else fields

@@ -63,6 +63,23 @@ class Revision:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ClaimPart:
+    """One of the comparisons that a claim rests on, and what the run says of it.
+
+    `low` and `high` are such that those of all parts of the claim hold together.
+    """
+
+    compared: str  # in words, "0.9 I(always) - I(optional)"
+    effect: float | None
+    low: float | None
+    high: float | None
+    unit: str
+    side: Side | None
+    margin: float | None
+    note: str = ""  # what is missing
+
+
+@dataclass(frozen=True, kw_only=True)
 class Claim:
     """A claim with its pre-stated test, and what the run says of it.
 
@@ -90,3 +107,4 @@ class Claim:
     stated: str = ""  # the date on which the test was first stated
     history: tuple[Revision, ...] = ()  # changes since then, oldest first
     depends_on: tuple[str, ...] = ()  # measures or readings under which the verdict is another
+    parts: tuple[ClaimPart, ...] = ()  # all comparisons, where there are several

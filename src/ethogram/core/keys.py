@@ -43,7 +43,7 @@ def counter_bits(key: Key[Array, ""], counter: Int[Array, "..."]) -> UInt32[Arra
     return _mix(_mix(spread + words[..., 0]) ^ words[..., 1])
 
 
-def words(key: Key[Array, ""], *shape: int) -> UInt32[Array, "..."]:
+def random_words(key: Key[Array, ""], *shape: int) -> UInt32[Array, "..."]:
     """An array of random words, by `counter_bits`: in inner loops, far cheaper than a generator."""
     return counter_bits(key, jnp.arange(math.prod(shape)).reshape(shape))
 
@@ -51,7 +51,7 @@ def words(key: Key[Array, ""], *shape: int) -> UInt32[Array, "..."]:
 def branch(key: Key[Array, ""], number: Int[Array, ""] | int) -> Key[Array, ""]:
     """A new key from a key and a number below 2^30, by `counter_bits`: a `fold_in` for inner loops.
 
-    It shares no word with `words` of less than 2^31 of them.
+    It shares no word with `random_words` of less than 2^31 of them.
     """
     place = 2 * jnp.asarray(number) + jnp.int32(-(2**31))
     data = counter_bits(key, place[..., None] + jnp.arange(2))

@@ -1,10 +1,12 @@
 """Modules whose methods `jax.jit` takes as it takes functions."""
 
+import dataclasses
 from collections.abc import Callable
-from types import MethodType
+from types import FunctionType, MethodType
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
+import jax
 
 
 class Module(eqx.Module):
@@ -21,6 +23,14 @@ class Module(eqx.Module):
     __hash__ = object.__hash__
     __eq__ = object.__eq__
 
+    def __repr__(self) -> str:
+        """The class with the values of its fields: `Sharing(scenario='cooperative', agents=10)`."""
+        fields = dataclasses.fields(self)
+        shown = ", ".join(
+            f"{field.name}={_shown(getattr(self, field.name, None), field)}" for field in fields
+        )
+        return f"{type(self).__name__}({shown})"
+
     if not TYPE_CHECKING:
 
         def __getattribute__(self, name):
@@ -30,6 +40,24 @@ class Module(eqx.Module):
             if is_magic or not isinstance(found, MethodType) or found.__self__ is not self:
                 return found
             return Method(found.__func__, self)
+
+
+def _shown(value: Any, field: "dataclasses.Field[Any]") -> str:
+    """A field's value for a reader: numbers as numbers, functions and numbered choices by name."""
+    if isinstance(value, jax.core.Tracer):
+        return str(value)
+    if isinstance(value, jax.Array) and not value.ndim:
+        number = value.item()
+        names = field.metadata.get("names", ())
+        if names:
+            return repr(names[number]) if 0 <= number < len(names) else str(number)
+        # a 32-bit number in as few digits as tell it
+        return repr(number) if isinstance(number, bool | int) else f"{number:.7g}"
+    if isinstance(value, jax.Array):
+        return eqx.tree_pformat(value)
+    if isinstance(value, FunctionType):
+        return value.__qualname__
+    return repr(value)
 
 
 class Method(eqx.Module):

@@ -9,7 +9,7 @@ package adds a name through an entry point of the registry's group, for example
 """
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, distributions, entry_points
 from typing import Any, Generic, TypeVar, cast
 
@@ -23,7 +23,8 @@ class Registry(Generic[T]):
 
     A name means one thing only.  Two sources for it would make a study's records depend on the
     order in which packages were installed, so asking for it is an error and never a silent choice.
-    Whatever is wrong with an entry, the others can be used.
+    Whatever is wrong with an entry, the others can be used.  It can be iterated, for the names, and
+    indexed with one.
     """
 
     def __init__(
@@ -47,11 +48,22 @@ class Registry(Generic[T]):
         self._trouble_with = trouble_with
         self._builtin = {name: EntryPoint(name, value, group) for name, value in builtin.items()}
 
-    def names(self) -> list[str]:
+    def __iter__(self) -> Iterator[str]:
         """All names, sorted; nothing is imported."""
-        return sorted(self._entries())
+        return iter(sorted(self._entries()))
 
-    def get(self, name: str) -> T:
+    def __len__(self) -> int:
+        """How many names there are."""
+        return len(self._entries())
+
+    def __contains__(self, name: object) -> bool:
+        """Whether somebody registered the name; nothing is imported."""
+        return name in self._entries()
+
+    def __repr__(self) -> str:
+        return f"<{self.what} registry: {', '.join(self)}>"
+
+    def __getitem__(self, name: str) -> T:
         """The thing of that name.
 
         Raises `UnknownName` for a name that nobody registered, and `EthogramError` for one that two

@@ -1,20 +1,30 @@
-"""What a world looked like, frame by frame, as plain data: no drawing here.
+"""A recorded episode, frame by frame, as plain data: no drawing here.
 
 A scene has a fixed cast of shapes.  Per frame, each has a position, a tint (an entry of the
 palette, or -1 for hidden) and possibly some words; the frame has a caption, and numbers to plot
-beside it.  Between frames shapes move, unless they are said to appear anew; frames may be grouped
-into chapters.  Lines may join shapes, in every frame the same.  In space positions are in metres,
-the third axis points upwards and the floor is at 0.  A scene is stored as a dataset and
-drawn by the report: on a study's page, on a page of its own, and in a notebook, where a scene on
-the last line of a cell shows itself as a replay.  `World.scene` makes one of a rollout, and
-`ethogram.core.rollout.watch` plays an episode to make one.
+beside it.  One frame is enough: a scene may be of a single state.  Between frames shapes move,
+unless they are said to appear anew; frames may be grouped into chapters.  Lines may join shapes, in
+every frame the same.
+
+In the plane a shape may have a heading, in radians from the x axis towards the y axis: a polygon is
+turned by it, any other shape has a mark in its direction.  A polygon's vertices are relative to its
+position and, with its heading at 0, not turned; they stay as they are or, as a soft body's, change
+from frame to frame.  A background (a road graph) lies under everything, in every frame the same.
+In space positions are in metres, the third axis points upwards and the floor is at 0.
+
+All colours are those of the palette.  A scene is stored as a dataset and drawn by the report: on a
+study's page, on a page of its own, and in a notebook, where a scene on the last line of a cell
+shows itself as a replay.  `World.scene` makes one of a rollout, and `ethogram.core.rollout.watch`
+plays an episode to make one.
 """
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from itertools import cycle, islice
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,28 +37,97 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-Kind = Literal["circle", "square", "ring", "text", "cube"]
+Kind = Literal["circle", "square", "ring", "text", "polygon", "cube"]
+BackgroundKind = Literal["line", "polygon"]
+Point = tuple[float, float]
+LEAST_VERTICES = {"line": 2, "polygon": 3}
+FLAT = ("heading", "vertices")  # arrays of scenes in the plane
 GROUP = "scene"  # of a record
 RECORDED = 3  # trials of a case whose scenes are kept, the first ones
 OPTIONAL = {  # arrays that not every scene has: their further axes, and their types when stored
     "said": ((), np.int16),
     "scale": ((), np.float32),
     "orientation": (("quaternion",), np.float32),
+    "heading": ((), np.float32),
+    "vertices": (("vertex", "axis"), np.float32),
     "fresh": ((), np.bool_),
 }
+COLOURS = {  # that can be told apart, by those too who see fewer; all but the last in this order
+    "blue": "#0072b2",
+    "vermilion": "#d55e00",
+    "green": "#009e73",
+    "pink": "#cc79a7",
+    "ochre": "#a87400",
+    "grey": "#7d7d7d",
+    "silver": "#bdbab1",  # of what is at rest, or lies in the background
+}
+DEFAULT_COLOURS = tuple(COLOURS.values())[:-1]
+GRADED_COLOURS = (COLOURS["blue"], COLOURS["silver"], COLOURS["vermilion"])
+GRADED_RANGE = 0.1  # of the size at rest: a larger change does not change a graded colour further
+_HEXADECIMAL = re.compile("#[0-9a-f]{6}")
 # who draws is named here and found when a scene is shown: the core may not import the report
 DRAWINGS: "Registry[Callable[[Scene], str]]" = Registry(
     "drawing of scenes", "ethogram.drawings", {"notebook": "ethogram.report.notebook:as_html"}
 )
 
 
+class Tint(NamedTuple):
+    """An entry of a palette."""
+
+    label: str  # what it means ("prefers resource 1")
+    colour: str  # "#rrggbb", one of `COLOURS` for instance
+
+
+def tints(*labels: str) -> tuple[Tint, ...]:
+    """A palette in the default colours, which begin again after the last one."""
+    return tuple(map(Tint, labels, cycle(DEFAULT_COLOURS)))
+
+
 @dataclass(frozen=True)
 class Shape:
-    """One member of the cast."""
+    """One member of the cast.
+
+    Raises:
+        EthogramError: there is no such kind, its size is no finite number, or its vertices are not
+            those of a polygon.
+
+    """
 
     kind: Kind
-    size: float  # radius or half an edge, in the units of the positions
+    size: float  # radius or half an edge, in the units of the positions; of a polygon, a factor
     label: str = ""  # always shown, as plain text
+    vertices: tuple[Point, ...] = ()  # of a polygon that keeps its form: `size` multiplies them
+
+    def __post_init__(self) -> None:
+        _check_kind("shape", self.kind, get_args(Kind))
+        if not _is_finite(self.size):
+            raise EthogramError(f"A shape has size {self.size!r}; allowed: a finite number.")
+        if isinstance(self.vertices, tuple) and not self.vertices:
+            return
+        if self.kind != "polygon":
+            raise EthogramError(f"A {self.kind} has vertices; allowed: of a polygon.")
+        _check_vertices("polygon", self.vertices)
+
+
+@dataclass(frozen=True)
+class BackgroundShape:
+    """A line or a polygon that does not move, under everything else.
+
+    Raises:
+        EthogramError: there is no such kind, or its vertices or its width could not be drawn.
+
+    """
+
+    kind: BackgroundKind
+    vertices: tuple[Point, ...]
+    tint: int  # entry of the palette
+    width: float = 0.0  # of a line, in the units of the positions; 0 = as thin as can be seen
+
+    def __post_init__(self) -> None:
+        _check_kind("background", self.kind, get_args(BackgroundKind))
+        _check_vertices(self.kind, self.vertices)
+        if not (_is_finite(self.width) and self.width >= 0):
+            raise EthogramError(f"A background has width {self.width!r}; allowed: 0 or more.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,16 +135,17 @@ class Scene:
     """A recorded episode.
 
     Raises:
-        EthogramError: an array does not have the shape that the cast and the frames ask for, or
-            a line joins what is not in the cast.
+        EthogramError: an array does not have the shape that the cast and the frames ask for, a
+            line joins what is not in the cast, or something could not be drawn.
 
     """
 
     title: str
     bounds: tuple[float, float, float, float]  # left, bottom, right, top
     frame_seconds: float  # how long a frame is shown at normal speed
-    palette: tuple[str, ...]  # what each tint means, in words ("prefers resource 1")
+    palette: tuple[Tint, ...]  # what each tint means, and its colour
     shapes: tuple[Shape, ...]
+    background: tuple[BackgroundShape, ...] = ()  # from the lowest to the uppermost
     links: tuple[tuple[int, int], ...] = ()  # entries of shapes that a thin line joins
     position: Float[np.ndarray, "frame shape axis"]  # 2 or 3 axes
     tint: Int[np.ndarray, "frame shape"]  # entry of the palette, -1 = hidden
@@ -73,12 +153,65 @@ class Scene:
     said: Int[np.ndarray, "frame shape"] | None = None  # entry of words, -1 = nothing
     scale: Float[np.ndarray, "frame shape"] | None = None  # of a shape's size
     orientation: Float[np.ndarray, "frame shape 4"] | None = None  # unit quaternion w, x, y, z
+    heading: Float[np.ndarray, "frame shape"] | None = None  # rad, from x towards y
+    # of polygons that have none of their own; what is not finite is left out (nan = padding)
+    vertices: Float[np.ndarray, "frame shape vertex 2"] | None = None
     fresh: Bool[np.ndarray, "frame shape"] | None = None  # is there anew: it did not move there
     captions: tuple[str, ...] = ()  # one per frame
     chapters: tuple[str, ...] = ()  # one per frame, the same for frames that belong together
     series: dict[str, Float[np.ndarray, "frame line"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._check_arrays()
+        self._check_numbers()
+        self._check_texts()
+        self._check_palette()
+        self._check_references()
+
+    def __repr__(self) -> str:
+        return f"Scene({self.title!r}, {len(self.position)} frames, {len(self.shapes)} shapes)"
+
+    def _repr_html_(self) -> str:
+        """A replay: what a notebook shows for a scene on the last line of a cell."""
+        return DRAWINGS["notebook"](self)
+
+    @property
+    def axes(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.position.shape[2]
+
+    @property
+    def graded(self) -> bool:
+        """Whether colours are mixed by the shapes' scale.
+
+        They are in space, where the palette's three entries are then those of what is contracted,
+        at rest and expanded.
+        """
+        return _graded(self.axes, self.scale is not None, self.palette)
+
+    def visible(self, frames: Any = ...) -> Bool[np.ndarray, "*frame shape"]:
+        """Which shapes are drawn: not hidden, finite, and of polygons those that have an area.
+
+        Args:
+            frames: one, or some as a slice; by default all.
+
+        """
+        shown: np.ndarray = (self.tint[frames] >= 0) & np.isfinite(self.position[frames]).all(-1)
+        if self.scale is not None:
+            shown = shown & np.isfinite(self.scale[frames])
+        polygon = np.array([shape.kind == "polygon" for shape in self.shapes], bool)
+        if self.heading is not None:
+            shown = shown & (np.isfinite(self.heading[frames]) | ~polygon)
+        if self.vertices is not None:
+            own = np.array([bool(shape.vertices) for shape in self.shapes], bool)
+            count = np.isfinite(self.vertices[frames]).all(-1).sum(-1)
+            shown = shown & (own | (count >= LEAST_VERTICES["polygon"]) | ~polygon)
+        return shown
+
+    def _refuse(self, what: str, found: Any, allowed: str) -> None:
+        raise EthogramError(f"Scene {self.title!r}: {what} {found!r}; allowed: {allowed}.")
+
+    def _check_arrays(self) -> None:
         frames, cast = len(self.position), len(self.shapes)
         shapes = {
             "position": (self.position.shape[:2], (frames, cast)),
@@ -87,53 +220,66 @@ class Scene:
             **{name: (line.shape[0], frames) for name, line in self.series.items()},
         }
         for name, array in self._optional().items():
-            axes = (4,) if name == "orientation" else ()
-            shapes[name] = (array.shape, (frames, cast, *axes))
+            further = {"orientation": (4,), "vertices": (*array.shape[2:3], 2)}.get(name, ())
+            shapes[name] = (array.shape, (frames, cast, *further))
         if self.chapters:
             shapes["chapters"] = (len(self.chapters), frames)
         for name, (found, wanted) in shapes.items():
             if found != wanted:
                 raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
-        self._check_values()
-        for link in self.links:
-            if not all(0 <= end < cast for end in link):
-                raise EthogramError(
-                    f"Scene {self.title!r}: a line joins {link}, but there are only {cast} shapes."
-                )
-
-    def __repr__(self) -> str:
-        return f"Scene({self.title!r}, {len(self.position)} frames, {len(self.shapes)} shapes)"
-
-    def _repr_html_(self) -> str:
-        """A replay: what a notebook shows for a scene on the last line of a cell."""
-        return DRAWINGS.get("notebook")(self)
-
-    def _check_values(self) -> None:
-        """Refuse what could not be drawn."""
-        axes = self.position.shape[2:]
-        if axes not in {(2,), (3,)}:
+        if self.position.shape[2:] not in {(2,), (3,)}:
+            axes = self.position.shape[2:]
             raise EthogramError(f"Scene {self.title!r}: a position has axes {axes}, not 2 or 3.")
         for name, lines in self.series.items():
             if lines.ndim != 2:
                 raise EthogramError(
                     f"Scene {self.title!r}: {name} is {lines.shape}; allowed: frames and lines."
                 )
-        sizes = [shape.size for shape in self.shapes]
-        numbers = {"bounds": self.bounds, "frame_seconds": [self.frame_seconds], "size": sizes}
-        for name, values in numbers.items():
+
+    def _check_numbers(self) -> None:
+        for name, values in {"bounds": self.bounds, "frame_seconds": [self.frame_seconds]}.items():
             for value in values:
-                if not (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
-                    raise EthogramError(
-                        f"Scene {self.title!r}: {name} holds {value!r}; allowed: finite numbers."
-                    )
+                if not _is_finite(value):
+                    self._refuse(f"{name} holds", value, "finite numbers")
         if len(self.bounds) != 4 or self.frame_seconds <= 0:
             raise EthogramError(
                 f"Scene {self.title!r}: bounds = {self.bounds} and frame_seconds = "
                 f"{self.frame_seconds}; allowed: four numbers, and a time above 0."
             )
-        for name in ("palette", "words", "captions", "chapters"):
+
+    def _check_texts(self) -> None:
+        for name in ("words", "captions", "chapters"):
             if not all(isinstance(text, str) for text in getattr(self, name)):
                 raise EthogramError(f"Scene {self.title!r}: {name} holds what is no text.")
+
+    def _check_palette(self) -> None:
+        for entry in self.palette:
+            if not (
+                isinstance(entry, Tint)
+                and all(isinstance(text, str) for text in entry)
+                and _HEXADECIMAL.fullmatch(entry.colour)
+            ):
+                self._refuse("palette holds", entry, "Tint(label, '#rrggbb'), or tints(label, ...)")
+
+    def _check_references(self) -> None:
+        """Refuse what names no entry of the palette, no shape, or no vertices."""
+        count = len(self.palette)
+        most = int(self.tint.max(initial=-1))
+        if most >= count:
+            self._refuse("tint holds", most, f"-1 (hidden), and entries of a palette of {count}")
+        for each in self.background:
+            if not 0 <= each.tint < count:
+                self._refuse("background has tint", each.tint, f"entries of a palette of {count}")
+        for link in self.links:
+            if not all(0 <= end < len(self.shapes) for end in link):
+                self._refuse("a line joins", link, f"entries of its {len(self.shapes)} shapes")
+        polygons = [shape for shape in self.shapes if shape.kind == "polygon"]
+        if self.vertices is None and not all(shape.vertices for shape in polygons):
+            self._refuse("a polygon has vertices", (), "its own, or those of the scene")
+        flat = ["polygon"] * len(polygons) + ["background"] * len(self.background)
+        flat += [name for name in FLAT if getattr(self, name) is not None]
+        if self.axes == 3 and flat:
+            self._refuse("in space there is a", flat[0], "cubes, with an orientation")
 
     def to_dataset(self) -> "xr.Dataset":
         """Arrays as variables, everything else as one JSON attribute.
@@ -155,11 +301,19 @@ class Scene:
             name: getattr(self, name)
             for name in ("title", "bounds", "frame_seconds", "palette", "words", "captions")
         }
-        plain["shapes"] = [dataclasses.astuple(shape) for shape in self.shapes]
-        for name in ("links", "chapters"):
-            if getattr(self, name):  # a scene without any is stored as before there were any
-                plain[name] = getattr(self, name)
-        return xr.Dataset(arrays, attrs={"scene": json.dumps(plain)})
+        plain["palette"] = [tint.label for tint in self.palette]
+        colours = [tint.colour for tint in self.palette]
+        default = _default_colours(len(colours), graded=self.graded)
+        plain["shapes"] = [_stored(shape) for shape in self.shapes]
+        further = {
+            "links": self.links,
+            "chapters": self.chapters,
+            "background": list(map(dataclasses.astuple, self.background)),
+            "colours": [] if colours == default else colours,
+        }
+        # a scene without any is stored as before there were any
+        plain |= {name: value for name, value in further.items() if value}
+        return xr.Dataset(arrays, attrs={"scene": json.dumps(plain, default=float)})
 
     def _optional(self) -> dict[str, np.ndarray]:
         """Those arrays of `OPTIONAL` that there are."""
@@ -170,11 +324,6 @@ class Scene:
     def from_dataset(data: "xr.Dataset") -> "Scene":
         """The scene that `to_dataset` stored."""
         plain = json.loads(data.attrs["scene"])
-        plain["shapes"] = tuple(Shape(*shape) for shape in plain["shapes"])
-        plain["links"] = tuple((first, second) for first, second in plain.get("links", ()))
-        plain.setdefault("chapters", ())
-        for name in ("bounds", "palette", "words", "captions", "chapters"):
-            plain[name] = tuple(plain[name])
         series = {
             str(name).removeprefix("series."): lines.values
             for name, lines in data.data_vars.items()
@@ -185,13 +334,69 @@ class Scene:
             for name, (_, kind) in OPTIONAL.items()
             if name in data
         }
+        labels = plain["palette"]
+        graded = _graded(data.sizes["axis"], "scale" in optional, labels)
+        default = _default_colours(len(labels), graded=graded)
         return Scene(
+            title=plain["title"],
+            bounds=tuple(plain["bounds"]),
+            frame_seconds=plain["frame_seconds"],
+            palette=tuple(map(Tint, labels, plain.get("colours", default))),
+            shapes=tuple(
+                Shape(kind, size, label, _points(*vertices))
+                for kind, size, label, *vertices in plain["shapes"]
+            ),
+            background=tuple(
+                BackgroundShape(kind, _points(vertices), int(tint), width)
+                for kind, vertices, tint, width in plain.get("background", ())
+            ),
+            links=tuple((first, second) for first, second in plain.get("links", ())),
             position=data["position"].values.astype(np.float32),
             tint=data["tint"].values.astype(np.int16),
+            words=tuple(plain["words"]),
+            captions=tuple(plain["captions"]),
+            chapters=tuple(plain.get("chapters", ())),
             series=series,
             **optional,
-            **plain,
         )
+
+
+def _stored(shape: Shape) -> list[Any]:
+    """A shape as JSON; one without vertices as before there were any."""
+    plain = [shape.kind, shape.size, shape.label]
+    return [*plain, shape.vertices] if shape.vertices else plain
+
+
+def _points(vertices: "Iterable[Sequence[float]]" = ()) -> tuple[Point, ...]:
+    return tuple((x, y) for x, y in vertices)
+
+
+def _graded(axes: int, scaled: bool, palette: "Sequence[object]") -> bool:
+    return axes == 3 and scaled and len(palette) == 3
+
+
+def _default_colours(count: int, *, graded: bool) -> list[str]:
+    """The colours of a palette that is stored without any."""
+    return list(GRADED_COLOURS if graded else islice(cycle(DEFAULT_COLOURS), count))
+
+
+def _check_kind(what: str, kind: str, allowed: tuple[str, ...]) -> None:
+    if kind not in allowed:
+        raise EthogramError(f"A {what} is of kind {kind!r}; allowed: {', '.join(allowed)}.")
+
+
+def _check_vertices(kind: str, vertices: tuple[Point, ...]) -> None:
+    least = LEAST_VERTICES[kind]
+    fit = isinstance(vertices, tuple) and least <= len(vertices)
+    if not fit or not all(len(pair) == 2 and all(map(_is_finite, pair)) for pair in vertices):
+        raise EthogramError(
+            f"A {kind} has vertices {vertices!r}; allowed: a tuple of {least} or more pairs of "
+            "finite numbers."
+        )
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and bool(np.isfinite(value))
 
 
 def _at_most(widest: Any, array: np.ndarray) -> np.ndarray:

@@ -9,9 +9,9 @@ and files; building a `Pasture` in Python checks the same bounds.
 """
 
 import dataclasses
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from functools import cache
-from typing import Any, TypeVar, cast, dataclass_transform
+from typing import Any, Literal, TypeVar, cast, dataclass_transform
 
 import equinox as eqx
 import jax
@@ -19,9 +19,10 @@ import jax.numpy as jnp
 import pydantic
 from jax import Array
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, UnknownName, shown
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 Number = float | Array  # a setting that may be swept: a number, or an array of them under vmap
 
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True)
@@ -40,6 +41,7 @@ def setting(
     *,
     static: bool = False,
     converter: Callable[[Any], Any] | None = None,
+    names: tuple[str, ...] = (),
 ) -> Any:
     """Declare a field that users set.
 
@@ -50,6 +52,7 @@ def setting(
             so that it may be swept and so that another value needs no other program.
         converter: checks a value and turns it into the array that the program computes with, or,
             of a static one, into its one spelling.
+        names: of a choice that the program computes with as a number, counted from 0.
 
     """
     if static:
@@ -58,8 +61,56 @@ def setting(
     return eqx.field(
         default=default,
         converter=converter or _swept,
-        metadata={"setting": allowed, "checked by converter": converter is not None},
+        metadata={
+            "setting": allowed,
+            "checked by converter": converter is not None,
+            "names": names,
+        },
     )
+
+
+def named(default: str, functions: Mapping[str, Callable[..., Any]]) -> Any:
+    """Declare a static field that takes a function, or the name of one of ours.
+
+    Plans and files know the names only; in Python any function with the same arguments will do.
+    `function_of` gives the function that the field stands for.
+
+    Args:
+        default: the name when nothing is said.
+        functions: ours by name.
+
+    """
+
+    def known(value: Any) -> Any:
+        function_of(functions, value)
+        return value
+
+    return eqx.field(
+        default=default,
+        static=True,
+        converter=known,
+        metadata={"setting": Literal[tuple(functions)], "checked by converter": True},
+    )
+
+
+def function_of(functions: Mapping[str, F], value: str | F) -> F:
+    """The function of that name, or the function itself.
+
+    Raises:
+        UnknownName: no function has the name.
+        InvalidSettings: it is neither a name nor a function.
+
+    """
+    if callable(value):
+        return value
+    if not isinstance(value, str):
+        raise InvalidSettings(
+            f"{shown(value)} is neither a function nor a name; allowed: a function, or one of "
+            f"{', '.join(functions)}."
+        )
+    if value not in functions:
+        raise UnknownName("function", value, functions)
+    return functions[value]
 
 
 def _swept(value: Any) -> Any:

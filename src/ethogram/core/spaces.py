@@ -3,9 +3,9 @@
 A space may be wider than what its world uses, so that settings that change a width share one
 compiled program.  Then `used` tells which entries there are; the others are padding, always 0.
 
-Of every space, `contains` tells which values are in it, and `nearest` gives, for a value of its
-shape that is not, the one in it that a world takes it for.  Whole numbers pass for real ones, real
-numbers never for whole ones, nor do truth values.
+Of every space, `sample` draws values, `contains` tells which values are in it, and `nearest`
+gives, for a value of its shape that is not, the one in it that a world takes it for.  Whole numbers
+pass for real ones, real numbers never for whole ones, nor do truth values.
 """
 
 from dataclasses import dataclass, field
@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jaxtyping import Float, Int, Key
 
 from ethogram.core.settings import Number
 
@@ -43,6 +44,10 @@ class Discrete:
             return _none_of(self, value)
         return (value >= 0) & (value < self.n)
 
+    def sample(self, key: Key[Array, ""], *batch: int) -> Int[Array, "*batch"]:
+        """A number, uniform; an array of them with the axes of `batch`."""
+        return jax.random.randint(key, batch, 0, self.n)
+
     def nearest(self, value: Array) -> Array:
         """A number below 0 counts as 0, one beyond the last as the last."""
         return jnp.clip(value, 0, self.n - 1)
@@ -66,6 +71,11 @@ class MultiDiscrete:
         if not is_of_kind(self, value):
             return _none_of(self, value)
         return ((value >= 0) & (value < jnp.asarray(np.asarray(self.sizes)))).all(-1)
+
+    def sample(self, key: Key[Array, ""], *batch: int) -> Int[Array, "*batch entry"]:
+        """A vector, uniform."""
+        shape = (*batch, *self.shape)
+        return jax.random.randint(key, shape, 0, jnp.asarray(np.asarray(self.sizes)))
 
     def nearest(self, value: Array) -> Array:
         """An entry below 0 counts as 0, one beyond its last as the last."""
@@ -91,6 +101,12 @@ class Simplex:
         if not is_of_kind(self, value):
             return _none_of(self, value)
         return _are_weights(value) & _padding_is_zero(value, self.used).all(-1)
+
+    def sample(self, key: Key[Array, ""], *batch: int) -> Float[Array, "*batch choice"]:
+        """A pure choice among those used, uniform, as a one-hot vector."""
+        chance = jax.random.uniform(key, (*batch, self.n))
+        used = True if self.used is None else self.used
+        return jax.nn.one_hot(jnp.where(used, chance, -1.0).argmax(-1), self.n)
 
     def nearest(self, value: Array) -> Array:
         """What are no weights counts as the choice of the largest used one; padding may be chosen.
@@ -127,6 +143,22 @@ class Box:
         axes = tuple(range(-len(self.shape), 0))
         within = (value >= self.low) & (value <= self.high)
         return (within & _padding_is_zero(value, self.used)).all(axes)
+
+    def sample(self, key: Key[Array, ""], *batch: int) -> Float[Array, "..."]:
+        """An array, uniform; exponential from a single bound, normal without any."""
+        shape = (*batch, *self.shape)
+        low, high = (jnp.asarray(bound, float) for bound in (self.low, self.high))
+        above, below = jnp.isfinite(low), jnp.isfinite(high)
+        uniform = jax.random.uniform(key, shape)
+        beyond = -jnp.log1p(-uniform)
+        normal = jax.random.normal(key, shape)
+        bounded = jnp.where(above, low, 0) + uniform * jnp.where(above & below, high - low, 0)
+        drawn = jnp.where(
+            above & below,
+            bounded,
+            jnp.where(above, low + beyond, jnp.where(below, high - beyond, normal)),
+        )
+        return self.nearest(drawn)
 
     def nearest(self, value: Array) -> Array:
         """A number beyond a bound counts as the bound, and what is no number as 0 does."""

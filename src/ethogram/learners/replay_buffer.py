@@ -7,7 +7,7 @@ earned and reached when the transition is drawn; or it keeps all of that, where 
 
 from functools import cached_property
 from math import prod
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -49,7 +49,7 @@ class ReplayBuffer(eqx.Module):
         return self.rows[jax.random.randint(key, (count,), 0, filled)]
 
 
-class Experience(eqx.Module):
+class Experience(NamedTuple):
     """What learners need of transitions: per role, arrays whose last axes are the role's own."""
 
     observation: PerRole

@@ -4,15 +4,17 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
-from typing import Any
+from typing import Any, NamedTuple
 
-from ethogram.core.findings import Claim, Revision
+from ethogram.core.findings import Claim, ClaimPart, Revision
 
+ALL_CLAIMS = "all claims"
 MINUS = "\N{MINUS SIGN}"
 THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
 TIMES = "\N{MULTIPLICATION SIGN}"
 
 MOST_DECIMALS = 6
+MORE_DECIMALS = 3  # at most, where an interval ends next to the margin
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -56,21 +58,59 @@ def interval(low: float | None, high: float | None, decimals: int) -> str:
     return f"[{below}, {above}]"
 
 
-def effect(claim: Claim) -> tuple[str, str]:
-    """A claim's effect with its unit, and its interval, to the digits that the interval bears.
+class ClaimDecimals(NamedTuple):
+    """How many decimals are shown of a claim's numbers."""
 
-    An effect far smaller than its interval still shows its first digit: it is not zero.
-    """
+    effect: int
+    interval: int
+    margin: int
+
+
+def effect(claim: Claim | ClaimPart) -> tuple[str, str]:
+    """A claim's effect with its unit, and its interval, to the digits that the interval bears."""
     if claim.effect is None:
         return "", ""
-    decimals = borne = decimals_for([claim.effect])
+    decimals = claim_decimals(claim)
+    amount = f"{number(claim.effect, decimals.effect)} {claim.unit}".rstrip()
+    return amount, interval(claim.low, claim.high, decimals.interval)
+
+
+def claim_decimals(claim: Claim | ClaimPart) -> ClaimDecimals:
+    """As many as the interval bears, and a few more where it ends next to the margin.
+
+    An end of the interval is to be read on the side of the margin where it is: the verdict rests on
+    that.  An effect far smaller than its interval still shows its first digit: it is not zero.
+    """
+    value = claim.effect or 0.0
+    decimals = borne = decimals_for([value])
     if claim.low is not None and claim.high is not None:
         width = claim.high - claim.low
         if 0 < width < math.inf:
             borne = decimals_for([width], digits=2)
-            decimals = max(borne, decimals_for([claim.effect], digits=1))
-    amount = f"{number(claim.effect, decimals)} {claim.unit}".rstrip()
-    return amount, interval(claim.low, claim.high, borne)
+            decimals = max(borne, decimals_for([value], digits=1))
+    bounds = margin_bounds(claim)
+    plain = ClaimDecimals(decimals, borne, decimals_for(bounds, digits=2))
+    ends = [end for end in (claim.low, claim.high) if end is not None and math.isfinite(end)]
+    shown = plain
+    for more in range(1, MORE_DECIMALS + 2):
+        if all(_reads_as_it_is(end, bound, shown) for end in ends for bound in bounds):
+            return shown
+        of_effect, of_ends = (min(MOST_DECIMALS, each + more) for each in (decimals, borne))
+        shown = ClaimDecimals(of_effect, of_ends, max(plain.margin, of_ends))
+    return plain
+
+
+def _reads_as_it_is(end: float, bound: float, shown: ClaimDecimals) -> bool:
+    """Whether rounded numbers are in the order of the exact ones."""
+    one, other = round(end, shown.interval), round(bound, shown.margin)
+    return (one < other, one > other) == (end < bound, end > bound)
+
+
+def margin_bounds(claim: Claim | ClaimPart) -> tuple[float, ...]:
+    """Where the margin is: a claim to be within it has two."""
+    if claim.margin is None:
+        return ()
+    return (-claim.margin, claim.margin) if claim.side == "within" else (claim.margin,)
 
 
 def stated(claims: Sequence[Claim], date: str) -> str:
@@ -98,12 +138,21 @@ def stated(claims: Sequence[Claim], date: str) -> str:
     return " ".join(sentences)
 
 
-def shared_history(claims: Sequence[Claim]) -> tuple[Revision, ...]:
-    """The changes that all claims have in common, where there are several: said once for all."""
-    if len(claims) < 2:
-        return ()
-    first, *others = (claim.history for claim in claims)
-    return tuple(one for one in first if all(one in history for history in others))
+def shared_revisions(claims: Sequence[Claim]) -> dict[Revision, str]:
+    """Changes that several claims have in common, which are said once, and which claims these are.
+
+    Those of all claims come first.
+    """
+    found: dict[Revision, list[int]] = {}
+    for claim in claims:
+        for change in claim.history:
+            found.setdefault(change, []).append(claim.number)
+    shared = [(change, numbers) for change, numbers in found.items() if len(numbers) > 1]
+    shared.sort(key=lambda each: len(each[1]) < len(claims))
+    return {
+        change: ALL_CLAIMS if len(numbers) == len(claims) else _numbers(numbers).lower()
+        for change, numbers in shared
+    }
 
 
 def note(claim: Claim) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from markupsafe import Markup, escape
 
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, ClaimPart
 from ethogram.report import formatting
 
 WIDTH, HEIGHT = 240, 46  # of a line, in its own units
@@ -16,17 +16,17 @@ TALL, THICK, DOT = 8, 4, 4.5  # of a margin's mark, of the interval, radius of t
 ROOM = 0.06  # of what is drawn, left and right of it
 
 
-def claimed(claim: Claim) -> str:
+def claimed(claim: Claim | ClaimPart) -> str:
     """Where the claim puts the effect; nothing where that is not known."""
     if claim.side is None or claim.margin is None:
         return ""
-    amount = _amount(abs(claim.margin) if claim.side == "within" else claim.margin)
-    where = f"between {_amount(-claim.margin)} and {amount}" if claim.side == "within" else amount
+    amounts = [_amount(claim, bound) for bound in formatting.margin_bounds(claim)]
+    where = f"between {' and '.join(amounts)}" if claim.side == "within" else amounts[0]
     side = "" if claim.side == "within" else f"{claim.side} "
     return f"{side}{where} {claim.unit}".rstrip()
 
 
-def line(claim: Claim) -> Markup:
+def margin_plot(claim: Claim) -> Markup:
     """The claimed side of the margin, the interval and the effect, as an SVG element of a page.
 
     Everything is at its place on one scale; a bound that is missing or infinite ends at the edge.
@@ -34,7 +34,7 @@ def line(claim: Claim) -> Markup:
     """
     if claim.side is None or claim.margin is None or claim.effect is None:
         return Markup("")
-    bounds = margins(claim)
+    bounds = formatting.margin_bounds(claim)
     places = [*bounds, claim.effect, claim.low, claim.high]
     finite = [place for place in places if place is not None and math.isfinite(place)]
     if not math.isfinite(claim.effect) or not math.isfinite(claim.margin):
@@ -44,13 +44,6 @@ def line(claim: Claim) -> Markup:
         f'<svg class="margin" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         f'aria-label="{escape(_words(claim))}">{drawn}</svg>'
     )
-
-
-def margins(claim: Claim) -> tuple[float, ...]:
-    """Where the margin is: a claim to be within it has two."""
-    if claim.margin is None:
-        return ()
-    return (-claim.margin, claim.margin) if claim.side == "within" else (claim.margin,)
 
 
 def _parts(claim: Claim, bounds: Sequence[float], low: float, high: float) -> Iterator[str]:
@@ -80,7 +73,7 @@ def _parts(claim: Claim, bounds: Sequence[float], low: float, high: float) -> It
         at = x(bound, bound)
         yield f'<path class="bound" d="M{at} {AXIS - TALL}V{AXIS + TALL}"/>'
     for bound in dict.fromkeys((bounds[0], bounds[-1])):
-        yield _label(x(bound, bound), _amount(bound))
+        yield _label(x(bound, bound), _amount(claim, bound))
     if claim.low is not None or claim.high is not None:
         start, end = x(claim.low, left), x(claim.high, right)
         yield f'<path class="interval" stroke-width="{THICK}" d="M{start} {AXIS}H{end}"/>'
@@ -98,5 +91,6 @@ def _words(claim: Claim) -> str:
     return f"Claimed: {claimed(claim)}. Effect: {amount} {span}".rstrip() + "."
 
 
-def _amount(value: float) -> str:
-    return formatting.number(value, formatting.decimals_for([value], digits=2)) if value else "0"
+def _amount(claim: Claim | ClaimPart, bound: float) -> str:
+    decimals = formatting.claim_decimals(claim).margin
+    return formatting.number(bound, decimals) if bound else "0"

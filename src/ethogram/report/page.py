@@ -15,7 +15,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class OpeningFrame:
     """A frame of a scene that a page opens with."""
 
     scene: Scene
@@ -49,8 +49,8 @@ class StudyPage:
     replays: Sequence[Replay] = ()
 
     @property
-    def opening(self) -> Picture | None:
-        """The frame to picture, among the scenes of the replays."""
+    def opening(self) -> OpeningFrame | None:
+        """The frame to open with, among the scenes of the replays."""
         wanted = self.introduction
         scenes = [(each.name == wanted.case, each.scene) for each in self.replays]
         found = [(named, scene) for named, scene in scenes if scene is not None and len(scene.tint)]
@@ -59,7 +59,7 @@ class StudyPage:
         named, scene = max(found, key=lambda each: each[0])  # the first of those
         frame = wanted.frame if named else len(scene.tint) // 3
         caption = (wanted.caption if named or not wanted.case else "") or scene.title
-        return Picture(scene=scene, frame=min(frame, len(scene.tint) - 1), caption=caption)
+        return OpeningFrame(scene=scene, frame=min(frame, len(scene.tint) - 1), caption=caption)
 
     @property
     def comparable(self) -> bool:

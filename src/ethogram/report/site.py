@@ -18,11 +18,11 @@ from ethogram.report import formatting, margins, svg, tables
 from ethogram.report.compare.comparison import Comparison
 from ethogram.report.files import MARK, publish, publish_one
 from ethogram.report.page import StudyPage
-from ethogram.report.render.frames import still
-from ethogram.report.replay import Replay, packed
+from ethogram.report.render.frames import render_svg
+from ethogram.report.replay import Replay, encode_replays
 
 INDEX = "index.html"
-OPENING = "opening"  # the picture that a study's page opens with
+OPENING = "opening"  # the frame that a study's page opens with
 SCENES = Markup("<scenes/>")  # stands for them until it is known how much room they have
 MOST_REPLAYS = 10  # of a page; all others are a command away
 PAGE_BYTES = 10_000_000  # of a page, unless asked otherwise: replays have what the rest leaves
@@ -66,25 +66,25 @@ def _study_files(page: StudyPage, page_bytes: int) -> Iterator[tuple[str, str]]:
         ],
     )
     data = f"{PAGES}/{slug(page.name)}"
-    picture = _opening(page)
-    if picture:
-        alone = svg.alone(picture["svg"], name=OPENING, alt=picture["caption"])
+    opening = _opening(page)
+    if opening:
+        alone = svg.standalone(opening["svg"], name=OPENING, alt=opening["caption"])
         yield f"{data}/{OPENING}.svg", alone
     for table in page.tables:
         yield f"{data}/{slug(table.name)}.csv", tables.as_csv(table)
     for figure in page.figures:
         yield f"{data}/{slug(figure.name)}.csv", tables.as_csv(figure.data)
-        alone = svg.alone(figure.svg, name=slug(figure.name), alt=figure.alt)
+        alone = svg.standalone(figure.svg, name=slug(figure.name), alt=figure.alt)
         yield f"{data}/{slug(figure.name)}.svg", alone
-    shared = {"page": page, "data": slug(page.name), "root": "../", "picture": picture}
+    shared = {"page": page, "data": slug(page.name), "root": "../", "opening": opening}
     yield f"{data}.md", _render("study.md", **shared)
     yield f"{data}.html", _played("study.html", page.replays, page_bytes, **shared)
 
 
 def _opening(page: StudyPage) -> dict[str, str]:
-    """The picture that a page opens with, drawn, and what is to be seen."""
+    """The frame that a page opens with, drawn, and what is to be seen."""
     found = page.opening
-    return {"svg": still(found.scene, found.frame), "caption": found.caption} if found else {}
+    return {"svg": render_svg(found.scene, found.frame), "caption": found.caption} if found else {}
 
 
 def write_replay(
@@ -124,8 +124,8 @@ def write_comparison(file: Path, comparison: Comparison) -> None:
 
 def _played(template: str, replays: Sequence[Replay], page_bytes: int, **values: object) -> str:
     """A page with replays and what plays them; one without any has no script at all."""
-    shown = _spread(replays)
-    script = _script(solid=any(replay.solid for replay in shown)) if shown else ""
+    shown = _shown_replays(replays)
+    script = _script(in_space=any(replay.in_space for replay in shown)) if shown else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = _render(
         template,
@@ -136,10 +136,10 @@ def _played(template: str, replays: Sequence[Replay], page_bytes: int, **values:
         **values,
     )
     room = page_bytes - len(page.encode(errors="replace"))
-    return page.replace(SCENES, packed(shown, room)) if shown else page
+    return page.replace(SCENES, encode_replays(shown, room)) if shown else page
 
 
-def _spread(replays: Sequence[Replay]) -> list[Replay]:
+def _shown_replays(replays: Sequence[Replay]) -> list[Replay]:
     """As many as a page can have: first trials before others, evenly from the first to the last."""
     ranked = sorted(replays, key=lambda replay: replay.trial)  # stable: else in their order
     firsts = [replay for replay in ranked if replay.trial == ranked[0].trial]
@@ -150,10 +150,10 @@ def _spread(replays: Sequence[Replay]) -> list[Replay]:
 
 
 @cache
-def _script(*, solid: bool) -> str:
+def _script(*, in_space: bool) -> str:
     """The player, with the library that draws in space, and its licence, where it is needed."""
-    licence = f"/*!\n{_part('vendor/three.LICENSE')}*/" if solid else ""
-    files = ("vendor/three.js", "templates/space.js") if solid else ()
+    licence = f"/*!\n{_part('vendor/three.LICENSE')}*/" if in_space else ""
+    files = ("vendor/three.js", "templates/space.js") if in_space else ()
     ours = ("templates/plane.js", "templates/chart.js", "templates/replay.js")
     return "\n".join(['"use strict";', licence, *map(_part, (*files, *ours))])
 
@@ -190,7 +190,7 @@ def _refuse_twins(what: str, names: Sequence[str]) -> None:
 
 def _inlined(drawing: str, name: str, alt: str) -> Markup:
     """The one text that goes onto a page as markup: a drawing, parsed and written anew."""
-    return Markup(svg.inlined(drawing, name=slug(name), alt=alt))
+    return Markup(svg.inline(drawing, name=slug(name), alt=alt))
 
 
 @cache
@@ -208,9 +208,9 @@ def _environment() -> Environment:
         "inlined": _inlined,
         "effect": formatting.effect,
         "claimed": margins.claimed,
-        "margin_line": margins.line,
+        "margin_plot": margins.margin_plot,
         "note": formatting.note,
-        "shared_history": formatting.shared_history,
+        "shared_revisions": formatting.shared_revisions,
         "stated": formatting.stated,
         "dotted": formatting.dotted,
         "pages_folder": PAGES,

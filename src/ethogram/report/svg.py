@@ -51,7 +51,7 @@ _WIDTH = re.compile(r"(\d+(?:\.\d+)?)(pt|px|in)?")
 _POINTS = {"pt": 1.0, "in": 72.0, "px": 0.75, None: 0.75}
 
 
-def inlined(svg: str, *, name: str, alt: str) -> str:
+def inline(svg: str, *, name: str, alt: str) -> str:
     """The drawing as an element of a page, said in words to those who cannot see it.
 
     One that is narrower than a page keeps its share of the page's width (`--share`), so that its
@@ -64,7 +64,7 @@ def inlined(svg: str, *, name: str, alt: str) -> str:
     return ET.tostring(element, encoding="unicode")
 
 
-def alone(svg: str, *, name: str, alt: str) -> str:
+def standalone(svg: str, *, name: str, alt: str) -> str:
     """The drawing as a file, with the ink and paper that a page would have given it."""
     element = _element(svg, name, alt)
     element.set("xmlns", _NAMESPACE)

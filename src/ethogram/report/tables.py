@@ -17,7 +17,7 @@ TO = "to"  # between the ends of a range
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
+class CellText:
     """A cell of the page, ready to be read."""
 
     text: str
@@ -42,7 +42,7 @@ class Layout:
     """A table ready for the page."""
 
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Shown, ...], ...]
+    rows: tuple[tuple[CellText, ...], ...]
 
     @property
     def width(self) -> int:
@@ -174,12 +174,12 @@ def _values(cells: Sequence[Cell]) -> Iterator[float]:
             yield cell
 
 
-def _plain(column: Column, cell: Cell) -> tuple[Shown, ...]:
+def _plain(column: Column, cell: Cell) -> tuple[CellText, ...]:
     if isinstance(cell, Measured):
         span = _span(cell, column.decimals)
         text = formatting.number(cell.value, column.decimals)
-        return (Shown(text=text, kind=column.kind, interval=span),)
-    return (Shown(text=_worded(cell, column.decimals), kind=column.kind),)
+        return (CellText(text=text, kind=column.kind, interval=span),)
+    return (CellText(text=_worded(cell, column.decimals), kind=column.kind),)
 
 
 def _span(cell: Measured, decimals: int) -> str:
@@ -190,18 +190,18 @@ def _span(cell: Measured, decimals: int) -> str:
     return formatting.interval(cell.low, cell.high, decimals)
 
 
-def _compared(column: Column, cell: Cell, comparable: bool) -> tuple[Shown, ...]:
+def _compared(column: Column, cell: Cell, comparable: bool) -> tuple[CellText, ...]:
     """Measured, published, difference."""
     (measured,) = _plain(column, cell)
     published = cell.published if isinstance(cell, Measured) else None
     if not isinstance(cell, Measured) or published is None:
-        nothing = Shown(text="", kind=column.kind)
+        nothing = CellText(text="", kind=column.kind)
         return measured, nothing, nothing
     difference = formatting.number(cell.value - published, column.decimals, signed=True)
     return (
         measured,
-        Shown(text=formatting.number(published, column.printed), kind=column.kind),
-        Shown(
+        CellText(text=formatting.number(published, column.printed), kind=column.kind),
+        CellText(
             text=difference,
             kind=column.kind,
             side=_side(cell) if comparable and _shows(cell, column.decimals) else "",

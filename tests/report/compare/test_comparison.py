@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from ethogram.cli.printing import show_comparison
 from ethogram.core.findings import Cell, Claim, Measured, Table
 from ethogram.report import Comparison, StudyPage, compare_pages, write_comparison
-from ethogram.report.compare.align import paired
+from ethogram.report.compare.align import align
 from ethogram.report.compare.comparison import StudyPair
 from ethogram.report.compare.tables import TablePair, compare_tables
 
@@ -40,7 +40,7 @@ def texts(pair: TablePair) -> list[tuple[str, list[tuple[str | None, str | None,
     """Who holds each row, and the texts of its cells: A's, B's and the difference."""
     return [
         (
-            row.held,
+            row.presence,
             [(c.a and c.a.text, c.b and c.b.text, c.difference) for c in row.cells],
         )
         for row in pair.rows
@@ -48,12 +48,12 @@ def texts(pair: TablePair) -> list[tuple[str, list[tuple[str | None, str | None,
 
 
 def test_what_only_b_has_follows_what_it_follows_there() -> None:
-    pairs = paired("acd", "abde", str)
+    pairs = align("acd", "abde", str)
     assert pairs == [("a", "a"), (None, "b"), ("c", None), ("d", "d"), (None, "e")]
 
 
 def test_items_of_one_name_are_matched_by_their_order() -> None:
-    assert paired(["x1", "x2", "x3"], ["x4"], lambda item: item[0]) == [
+    assert align(["x1", "x2", "x3"], ["x4"], lambda item: item[0]) == [
         ("x1", "x4"),
         ("x2", None),
         ("x3", None),
@@ -83,7 +83,7 @@ def test_columns_are_matched_by_name_and_one_that_a_table_lacks_is_kept() -> Non
     a = table(("who", "J", "old"), ("a", 1.0, 5.0))
     b = table(("who", "new", "J"), ("a", 7.0, 3.0))
     pair = compare_tables(a, b)
-    assert [(column.name, column.held) for column in pair.columns] == [
+    assert [(column.name, column.presence) for column in pair.columns] == [
         ("who", "both"),
         ("new", "b"),
         ("J", "both"),
@@ -94,7 +94,7 @@ def test_columns_are_matched_by_name_and_one_that_a_table_lacks_is_kept() -> Non
         ("1.00", "3.00", "+2.00"),
         ("5.00", None, ""),
     ]
-    assert [column.places for column in pair.columns] == [1, 1, 3, 1]
+    assert [column.span for column in pair.columns] == [1, 1, 3, 1]
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_the_published_value_stands_once_and_twice_only_where_the_tables_disagre
     b = table(("who", "J"), ("a", Measured(value=1.2, published=2.5)), ("b", None))
     pair = compare_tables(a, b)
     assert [row.cells[1].published for row in pair.rows] == ["2.5", ""]
-    assert pair.columns[1].places == 4
+    assert pair.columns[1].span == 4
     other = table(("who", "J"), ("a", Measured(value=1.2, published=3.5)))
     assert compare_tables(a, other).rows[0].cells[1].published == "2.5; 3.5"
 
@@ -125,7 +125,7 @@ def test_texts_stand_once_unless_they_differ_and_bools_have_no_difference() -> N
     a = table(("who", "J", "note", "unit", "ok"), ("a", 1.0, "up", "m", True))
     b = table(("who", "J", "note", "unit", "ok"), ("a", 1.0, "down", "m", False))
     pair = compare_tables(a, b)
-    assert [column.places for column in pair.columns] == [1, 3, 2, 1, 2]
+    assert [column.span for column in pair.columns] == [1, 3, 2, 1, 2]
     assert texts(pair)[0][1][2:] == [("up", "down", ""), ("m", "m", ""), ("yes", "no", "")]
     assert [cell.differs for cell in pair.rows[0].cells[2:]] == [True, False, True]
 
@@ -139,14 +139,14 @@ def test_numbers_before_the_first_text_head_a_row_and_so_does_what_tells_rows_ap
     other = table(("reading", "claim", "verdict"), ("r", 1, "confirmed"), ("r", 2, "undecided"))
     pair = compare_tables(twice, other)
     assert [column.kind for column in pair.columns] == ["head", "head", "text"]
-    assert [row.held for row in pair.rows] == ["both", "both"]
-    assert not pair.twins
+    assert [row.presence for row in pair.rows] == ["both", "both"]
+    assert not pair.duplicates
 
 
 def test_rows_that_nothing_tells_apart_are_matched_by_their_order_and_it_is_said() -> None:
     pair = compare_tables(table(("x",), (1.0,), (2.0,)), table(("x",), (1.5,)))
     assert texts(pair) == [("both", [("1.00", "1.50", "+0.50")]), ("a", [("2.00", None, "")])]
-    assert pair.twins
+    assert pair.duplicates
 
 
 def test_what_has_no_difference_shows_none() -> None:
@@ -160,7 +160,7 @@ def test_claims_are_matched_by_number_and_a_missing_effect_is_no_trouble() -> No
     a = page(claims=[claim(1), claim(2), claim(4, verdict="not run", effect=None, low=None)])
     b = page(claims=[claim(1, verdict="refuted"), claim(2, statement="Else."), claim(3)])
     pair = compare_pages(a, b)
-    assert [(found.number, found.held, found.changed) for found in pair.claims] == [
+    assert [(found.number, found.presence, found.changed) for found in pair.claims] == [
         (1, "both", True),
         (2, "both", False),
         (3, "b", False),
@@ -212,8 +212,8 @@ def is_without_difference(pair: StudyPair) -> bool:
     return (
         not (pair.settings or pair.versions or pair.changed)
         and not (pair.tables_of_a or pair.tables_of_b)
-        and {row.held for row in rows} <= {"both"}
-        and {column.held for found in pair.tables for column in found.columns} <= {"both"}
+        and {row.presence for row in rows} <= {"both"}
+        and {column.presence for found in pair.tables for column in found.columns} <= {"both"}
         and not any(cell.differs or cell.side for cell in cells)
         and all(set(cell.difference) <= set("0.") for cell in cells)
     )
@@ -263,9 +263,11 @@ def test_a_run_beside_itself_shows_no_difference(run: StudyPage) -> None:
 @given(any_tables(), any_tables())
 def test_no_row_and_no_column_gets_lost(a: Table, b: Table) -> None:
     pair = compare_tables(a, b)
-    for held, part in (("a", a), ("b", b)):
-        assert sum(row.held in ("both", held) for row in pair.rows) == len(part.rows)
-        assert sum(column.held in ("both", held) for column in pair.columns) == len(part.columns)
+    for side, part in (("a", a), ("b", b)):
+        assert sum(row.presence in ("both", side) for row in pair.rows) == len(part.rows)
+        assert sum(column.presence in ("both", side) for column in pair.columns) == len(
+            part.columns
+        )
 
 
 @pytest.mark.parametrize(

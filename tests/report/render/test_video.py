@@ -1,4 +1,4 @@
-"""Films, read back: every frame there, shown for as long as it should be, or a clear refusal."""
+"""Videos, read back: every frame there, shown for as long as it should be, or a clear refusal."""
 
 import json
 import re
@@ -20,8 +20,8 @@ from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene, grouped
 from ethogram.report import Replay
 from ethogram.report.render import video
-from ethogram.report.render.frames import MARGIN, picture
-from ethogram.report.render.video import write_film
+from ethogram.report.render.frames import MARGIN, render_frame
+from ethogram.report.render.video import write_video
 
 RECORDS = Path(__file__).parents[3] / "docs" / "results" / "records"
 WIDE = 160
@@ -71,11 +71,11 @@ def stored_case(world: str) -> str:
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp", ".mp4", ".GIF"])
-def test_a_film_has_the_frames_of_its_scene(tmp_path: Path, suffix: str) -> None:
-    scene, file = crossing(), tmp_path / "new" / f"film{suffix}"
-    write_film(file, scene, width=WIDE)
+def test_a_video_has_the_frames_of_its_scene(tmp_path: Path, suffix: str) -> None:
+    scene, file = crossing(), tmp_path / "new" / f"video{suffix}"
+    write_video(file, scene, width=WIDE)
     frames = frames_of(file)
-    expected = np.asarray(picture(scene, 0, width=WIDE))
+    expected = np.asarray(render_frame(scene, 0, width=WIDE))
     assert len(frames) == FRAMES
     for at in (0, 10, 30, 40):
         assert frames[at].shape == expected.shape
@@ -88,16 +88,16 @@ def test_a_film_has_the_frames_of_its_scene(tmp_path: Path, suffix: str) -> None
 def test_each_frame_of_an_animated_image_is_shown_as_long_as_it_is_to_be(
     tmp_path: Path, suffix: str
 ) -> None:
-    file = tmp_path / f"film{suffix}"
-    write_film(file, crossing(), width=WIDE)
+    file = tmp_path / f"video{suffix}"
+    write_video(file, crossing(), width=WIDE)
     assert durations_of(file) == [50] * FRAMES
     with Image.open(file) as image:
         assert image.info["loop"] == 0
 
 
 def test_colours_of_a_gif_do_not_flicker(tmp_path: Path) -> None:
-    scene, file = crossing(), tmp_path / "film.gif"
-    write_film(file, scene, width=WIDE)
+    scene, file = crossing(), tmp_path / "video.gif"
+    write_video(file, scene, width=WIDE)
     with Image.open(file) as image:
         palettes = set()
         for at in range(image.n_frames):
@@ -106,14 +106,14 @@ def test_colours_of_a_gif_do_not_flicker(tmp_path: Path) -> None:
             assert image.disposal_method != 2
     assert len(palettes) == 1
     for at, pixels in enumerate(frames_of(file)):
-        exact = np.asarray(picture(scene, at, width=WIDE)).astype(int)
+        exact = np.asarray(render_frame(scene, at, width=WIDE)).astype(int)
         assert (pixels[exact.min(2) == 255] == 255).all()
         assert np.abs(pixels - exact).mean() < 0.5
 
 
 def test_an_mp4_is_h264_at_the_scenes_pace(tmp_path: Path) -> None:
-    file = tmp_path / "film.mp4"
-    write_film(file, crossing(), width=WIDE)
+    file = tmp_path / "video.mp4"
+    write_video(file, crossing(), width=WIDE)
     said = ffmpeg("-i", file)[1].decode()
     assert "Video: h264" in said
     assert "yuv420p" in said
@@ -126,8 +126,8 @@ def test_too_many_frames_are_thinned_but_take_as_long(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, frames: int
 ) -> None:
     monkeypatch.setattr(video, "MOST_FRAMES", 10)
-    file = tmp_path / f"film{suffix}"
-    write_film(file, crossing(), width=WIDE)
+    file = tmp_path / f"video{suffix}"
+    write_video(file, crossing(), width=WIDE)
     assert len(frames_of(file)) == frames
     if suffix != ".mp4":
         assert durations_of(file) == [250] * 8 + [50]
@@ -139,27 +139,27 @@ def test_a_gif_shows_no_frame_for_less_than_viewers_do(tmp_path: Path) -> None:
         (0.025, FRAMES, {20, 30}),  # in turn, since a GIF counts hundredths
         (0.02, FRAMES, {20}),
     ):
-        file = tmp_path / "film.gif"
-        write_film(file, crossing(frame_seconds=seconds), width=WIDE)
+        file = tmp_path / "video.gif"
+        write_video(file, crossing(frame_seconds=seconds), width=WIDE)
         durations = durations_of(file)
         assert len(durations) == kept
         assert set(durations) == shown
         assert sum(durations) / 1000 == pytest.approx(seconds * FRAMES, abs=0.02)
 
 
-def test_a_scene_of_one_frame_is_a_film(tmp_path: Path) -> None:
+def test_a_scene_of_one_frame_is_a_video(tmp_path: Path) -> None:
     scene = crossing(
         position=np.full((1, 1, 2), 4.0), tint=np.zeros((1, 1), int), captions=("now",), series={}
     )
     for suffix in (".gif", ".webp", ".mp4"):
-        write_film(tmp_path / f"film{suffix}", scene, width=WIDE)
-        assert len(frames_of(tmp_path / f"film{suffix}")) == 1
+        write_video(tmp_path / f"video{suffix}", scene, width=WIDE)
+        assert len(frames_of(tmp_path / f"video{suffix}")) == 1
 
 
-@pytest.mark.parametrize("name", ["film.avi", "film", "film.gif.txt"])
+@pytest.mark.parametrize("name", ["video.avi", "video", "video.gif.txt"])
 def test_an_unknown_suffix_is_named_with_those_that_are_known(tmp_path: Path, name: str) -> None:
     with pytest.raises(EthogramError, match=r"\.gif, \.webp, \.mp4 can") as refused:
-        write_film(tmp_path / name, crossing())
+        write_video(tmp_path / name, crossing())
     assert repr(Path(name).suffix) in str(refused.value)
     assert list(tmp_path.iterdir()) == []
 
@@ -169,37 +169,37 @@ def test_mp4_without_its_package_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(EthogramError, match=r"pip install 'ethogram\[video\]'"):
-        write_film(tmp_path / "film.mp4", crossing(), width=WIDE)
+        write_video(tmp_path / "video.mp4", crossing(), width=WIDE)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("seconds", [1e-9, 1e6])
 def test_a_scene_without_frames_or_pace_is_refused(tmp_path: Path, seconds: float) -> None:
     with pytest.raises(EthogramError, match="shows a frame for"):
-        write_film(tmp_path / "film.gif", crossing(frame_seconds=seconds))
+        write_video(tmp_path / "video.gif", crossing(frame_seconds=seconds))
     empty = crossing(
         position=np.zeros((0, 1, 2)), tint=np.zeros((0, 1), int), captions=(), series={}
     )
     with pytest.raises(EthogramError, match="has no frame"):
-        write_film(tmp_path / "film.gif", empty)
+        write_video(tmp_path / "video.gif", empty)
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp", ".mp4"])
-def test_a_film_that_fails_half_way_leaves_the_earlier_one(
+def test_a_video_that_fails_half_way_leaves_the_earlier_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
-    file = tmp_path / f"film{suffix}"
-    write_film(file, crossing(), width=WIDE)
+    file = tmp_path / f"video{suffix}"
+    write_video(file, crossing(), width=WIDE)
     earlier = file.read_bytes()
 
     def failing(scene: Scene, frame: int, *, width: int) -> Image.Image:
         if frame == 15:
             raise EthogramError("out of ink")
-        return picture(scene, frame, width=width)
+        return render_frame(scene, frame, width=width)
 
-    monkeypatch.setattr(video, "picture", failing)
+    monkeypatch.setattr(video, "render_frame", failing)
     with pytest.raises(EthogramError, match="out of ink"):
-        write_film(file, crossing(), width=WIDE)
+        write_video(file, crossing(), width=WIDE)
     assert file.read_bytes() == earlier
     assert list(tmp_path.iterdir()) == [file]
 
@@ -207,28 +207,28 @@ def test_a_film_that_fails_half_way_leaves_the_earlier_one(
 def test_where_nothing_can_be_written_the_reason_is_given(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(EthogramError, match="file"):
-        write_film(tmp_path / "file" / "film.gif", crossing(), width=WIDE)
+        write_video(tmp_path / "file" / "video.gif", crossing(), width=WIDE)
     (tmp_path / "folder.gif").mkdir()
     with pytest.raises(EthogramError, match=r"folder\.gif"):
-        write_film(tmp_path / "folder.gif", crossing(), width=WIDE)
+        write_video(tmp_path / "folder.gif", crossing(), width=WIDE)
 
 
 @pytest.mark.parametrize("world", ["sharing", "language", "publishing", "sensing"])
-def test_stored_scenes_of_each_world_become_films(
+def test_stored_scenes_of_each_world_become_videos(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     world: str,
 ) -> None:
     monkeypatch.setattr(video, "MOST_FRAMES", 20)
-    monkeypatch.setattr(video, "write_film", partial(write_film, width=240))
-    file = tmp_path / "film.gif"
+    monkeypatch.setattr(video, "write_video", partial(write_video, width=240))
+    file = tmp_path / "video.gif"
     command = ["replay", str(RECORDS), world, stored_case(world), f"--out={file}"]
     opened = []
     monkeypatch.setattr(commands.webbrowser, "open", opened.append)
     assert cli.main(command) == cli.DONE
     assert capsys.readouterr().out.strip() == str(file)
-    assert opened == []  # a film is for others to show
+    assert opened == []  # a video is for others to show
     frames = frames_of(file)
     assert 10 <= len(frames) <= 20
     assert (frames[0] != frames[-1]).any()
@@ -246,7 +246,7 @@ def test_the_format_is_what_is_asked_for_or_what_the_name_says(
         return {replay.trial: replay for replay in trials_of("case", groups)}
 
     monkeypatch.setattr(commands, "trials_in", trials)
-    monkeypatch.setattr(video, "write_film", partial(write_film, width=WIDE))
+    monkeypatch.setattr(video, "write_video", partial(write_video, width=WIDE))
 
     def written(*options: str) -> str:
         code = cli.main(["replay", str(tmp_path), "toy", "case", "--no-show", *options])

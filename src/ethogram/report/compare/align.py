@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 from typing import Literal, TypeVar
 
-Held = Literal["both", "a", "b"]
+Presence = Literal["both", "a", "b"]
 T = TypeVar("T")
 
 
-def paired(
+def align(
     a: Iterable[T], b: Iterable[T], key: Callable[[T], Hashable]
 ) -> list[tuple[T | None, T | None]]:
     """Every item of either side, beside the one of the same key on the other, or beside None.
@@ -27,7 +27,7 @@ def paired(
     return [(items_a.get(name), items_b.get(name)) for name in order]
 
 
-def held(a: object | None, b: object | None) -> Held:
+def presence(a: object | None, b: object | None) -> Presence:
     """Which of the sides has what is None on the other."""
     if a is not None and b is not None:
         return "both"

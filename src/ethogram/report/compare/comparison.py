@@ -10,7 +10,7 @@ from typing import Any
 
 from ethogram.core.findings import Claim, Table, Verdict
 from ethogram.report import formatting
-from ethogram.report.compare.align import Held, held, paired
+from ethogram.report.compare.align import Presence, align, presence
 from ethogram.report.compare.tables import TablePair, compare_tables
 from ethogram.report.page import StudyPage
 
@@ -36,9 +36,9 @@ class ClaimPair:
     b: Claim | None
 
     @property
-    def held(self) -> Held:
+    def presence(self) -> Presence:
         """Which run states it."""
-        return held(self.a, self.b)
+        return presence(self.a, self.b)
 
     @property
     def changed(self) -> bool:
@@ -79,7 +79,7 @@ class StudyPair:
     @property
     def tally(self) -> str:
         """How many verdicts differ, in words."""
-        both = sum(claim.held == "both" for claim in self.claims)
+        both = sum(claim.presence == "both" for claim in self.claims)
         verb = "differs" if self.changed == 1 else "differ"
         return f"{self.changed} of {both} verdicts {verb}."
 
@@ -97,7 +97,7 @@ class Comparison:
 
 def compare_pages(a: StudyPage, b: StudyPage) -> StudyPair:
     """Set two runs of one study side by side."""
-    tables = paired(a.tables, b.tables, lambda table: table.name)
+    tables = align(a.tables, b.tables, lambda table: table.name)
     return StudyPair(
         a=a,
         b=b,
@@ -113,7 +113,7 @@ def compare_pages(a: StudyPage, b: StudyPage) -> StudyPair:
         ),
         claims=tuple(
             _claim(one, other)
-            for one, other in paired(a.claims, b.claims, lambda claim: claim.number)
+            for one, other in align(a.claims, b.claims, lambda claim: claim.number)
         ),
         tables=tuple(compare_tables(one, other) for one, other in tables if one and other),
         tables_of_a=tuple(one for one, other in tables if one and not other),
@@ -134,7 +134,7 @@ def _texts(a: Iterable[tuple[str, str]], b: Iterable[tuple[str, str]]) -> list[T
             a=one[1] if one else None,
             b=other[1] if other else None,
         )
-        for one, other in paired(a, b, lambda item: item[0])
+        for one, other in align(a, b, lambda item: item[0])
     ]
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from ethogram.core.findings import Cell, Measured, Table
 from ethogram.report import formatting
-from ethogram.report.compare.align import Held, held, paired
-from ethogram.report.tables import Column, Kind, Layout, Shown, Side, lay_out
+from ethogram.report.compare.align import Presence, align, presence
+from ethogram.report.tables import CellText, Column, Kind, Layout, Side, lay_out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,15 +18,15 @@ class ColumnPair:
 
     name: str
     kind: Kind
-    held: Held
+    presence: Presence
     decimals: int
     published: bool
     alike: bool  # texts that are the same in every row that both have: shown once
 
     @property
-    def places(self) -> int:
+    def span(self) -> int:
         """Columns on the page."""
-        if self.kind == "head" or self.held != "both" or self.alike:
+        if self.kind == "head" or self.presence != "both" or self.alike:
             return 1
         return 2 if self.kind == "text" else 3 + self.published
 
@@ -35,16 +35,16 @@ class ColumnPair:
 class CellPair:
     """What a row has in a column, ready to be read; None where a side has no such row or column."""
 
-    a: Shown | None
-    b: Shown | None
+    a: CellText | None
+    b: CellText | None
     difference: str = ""  # B - A
     side: Side = ""  # of A's interval, where B's lies wholly
     published: str = ""
 
     @property
-    def either(self) -> Shown:
+    def either(self) -> CellText:
         """A's where there is one, else B's, else nothing."""
-        return self.a or self.b or Shown(text="", kind="text")
+        return self.a or self.b or CellText(text="", kind="text")
 
     @property
     def differs(self) -> bool:
@@ -56,7 +56,7 @@ class CellPair:
 class RowPair:
     """A row of both tables, or of one."""
 
-    held: Held
+    presence: Presence
     cells: tuple[CellPair, ...]
 
 
@@ -68,15 +68,15 @@ class TablePair:
     b: Table
     columns: tuple[ColumnPair, ...]
     rows: tuple[RowPair, ...]
-    twins: bool  # some rows of a table have the same headings, and were matched by their order
+    duplicates: bool  # some rows of a table have the same headings, and were matched by their order
 
     @property
     def width(self) -> int:
         """Columns on the page."""
-        return sum(column.places for column in self.columns)
+        return sum(column.span for column in self.columns)
 
     @property
-    def named_by(self) -> int:
+    def heading_column(self) -> int:
         """The last of the columns that head the rows, or the first one where none does."""
         heads = [index for index, column in enumerate(self.columns) if column.kind == "head"]
         return heads[-1] if heads else 0
@@ -99,13 +99,13 @@ class TablePair:
 
 class _Row(NamedTuple):
     cells: tuple[Cell, ...]
-    words: tuple[tuple[Shown, ...], ...]  # of each cell: itself, maybe published, difference
+    words: tuple[tuple[CellText, ...], ...]  # of each cell: itself, maybe published, difference
 
 
 def compare_tables(a: Table, b: Table) -> TablePair:
     """Match columns and rows; numbers of a column share their decimals."""
-    named = paired(enumerate(a.columns), enumerate(b.columns), lambda column: column[1])
-    held_by = [held(*pair) for pair in named]
+    named = align(enumerate(a.columns), enumerate(b.columns), lambda column: column[1])
+    presences = [presence(*pair) for pair in named]
     cells_a = _spread(a, [one and one[0] for one, _ in named])
     cells_b = _spread(b, [other and other[0] for _, other in named])
     names = tuple((one or other or (0, ""))[1] for one, other in named)
@@ -114,10 +114,10 @@ def compare_tables(a: Table, b: Table) -> TablePair:
     rows = list(map(_Row, whole.rows, _words(layout)))
     rows_a, rows_b = rows[: len(cells_a)], rows[len(cells_a) :]
 
-    heads = _heads(layout.columns, held_by, cells_a, cells_b)
-    pairs = paired(rows_a, rows_b, lambda row: _heading(row.cells, heads))
+    heads = _heads(layout.columns, presences, cells_a, cells_b)
+    pairs = align(rows_a, rows_b, lambda row: _heading(row.cells, heads))
     columns = tuple(
-        _column(index, column, held_by[index], index in heads, pairs)
+        _column(index, column, presences[index], index in heads, pairs)
         for index, column in enumerate(layout.columns)
     )
     return TablePair(
@@ -125,7 +125,7 @@ def compare_tables(a: Table, b: Table) -> TablePair:
         b=b,
         columns=columns,
         rows=tuple(_row(columns, one, other) for one, other in pairs),
-        twins=not (_told_apart(cells_a, heads) and _told_apart(cells_b, heads)),
+        duplicates=not (_told_apart(cells_a, heads) and _told_apart(cells_b, heads)),
     )
 
 
@@ -134,7 +134,7 @@ def _spread(table: Table, places: Sequence[int | None]) -> list[tuple[Cell, ...]
     return [tuple(None if place is None else row[place] for place in places) for row in table.rows]
 
 
-def _words(layout: Layout) -> Iterator[tuple[tuple[Shown, ...], ...]]:
+def _words(layout: Layout) -> Iterator[tuple[tuple[CellText, ...], ...]]:
     """The rows of a layout, with all that belongs to one cell in one place."""
     for row in layout.rows:
         shown = iter(row)
@@ -143,7 +143,7 @@ def _words(layout: Layout) -> Iterator[tuple[tuple[Shown, ...], ...]]:
 
 def _heads(
     columns: Sequence[Column],
-    held_by: Sequence[Held],
+    presences: Sequence[Presence],
     cells_a: Sequence[tuple[Cell, ...]],
     cells_b: Sequence[tuple[Cell, ...]],
 ) -> list[int]:
@@ -152,7 +152,7 @@ def _heads(
     Further ones are taken in while rows of one table would have the same headings, but none that
     was measured.  In a table of nothing but texts the first one heads.
     """
-    shared = [index for index, who in enumerate(held_by) if who == "both"]
+    shared = [index for index, who in enumerate(presences) if who == "both"]
     rows = [*cells_a, *cells_b]
     leading = list(takewhile(lambda index: not _is_measured(index, rows), shared))
     texts = [columns[index].kind != "number" for index in leading]
@@ -182,7 +182,7 @@ def _heading(cells: tuple[Cell, ...], heads: Sequence[int]) -> tuple[str, ...]:
 _Pairs = list[tuple[_Row | None, _Row | None]]
 
 
-def _column(index: int, column: Column, who: Held, is_head: bool, pairs: _Pairs) -> ColumnPair:
+def _column(index: int, column: Column, who: Presence, is_head: bool, pairs: _Pairs) -> ColumnPair:
     cells = [row.cells[index] for pair in pairs for row in pair if row]
     words = [(one.words[index], other.words[index]) for one, other in pairs if one and other]
     is_text = column.kind != "number" or any(isinstance(cell, bool) for cell in cells)
@@ -190,7 +190,7 @@ def _column(index: int, column: Column, who: Held, is_head: bool, pairs: _Pairs)
     return ColumnPair(
         name=column.name,
         kind=kind,
-        held=who,
+        presence=who,
         decimals=column.decimals,
         published=column.compared,
         alike=kind == "text" and all(one == other for one, other in words),
@@ -199,14 +199,14 @@ def _column(index: int, column: Column, who: Held, is_head: bool, pairs: _Pairs)
 
 def _row(columns: Sequence[ColumnPair], a: _Row | None, b: _Row | None) -> RowPair:
     cells = tuple(_cell(index, column, a, b) for index, column in enumerate(columns))
-    return RowPair(held=held(a, b), cells=cells)
+    return RowPair(presence=presence(a, b), cells=cells)
 
 
 def _cell(index: int, column: ColumnPair, a: _Row | None, b: _Row | None) -> CellPair:
     words = {
         side: row.words[index]
         for side, row in (("a", a), ("b", b))
-        if row is not None and column.held in ("both", side)
+        if row is not None and column.presence in ("both", side)
     }
     published = [cell[1].text for cell in words.values() if column.published]
     has_numbers = a is not None and b is not None and column.kind == "number"

@@ -1,1 +1,1 @@
-"""Drawing of scenes: frames as pictures and as SVG, in the plane and in space, and films."""
+"""Rendering of scenes: frames as images and as SVG, in the plane and in space, and videos."""

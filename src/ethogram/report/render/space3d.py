@@ -1,4 +1,4 @@
-"""A scene in space as it is seen from its side and a bit from above, with the floor it is on.
+"""Scenes in space, as seen from their side and a bit from above, with the floor they are on.
 
 The eye goes along with the shapes' centre in x, so that the floor is seen to move.  Every shape
 is drawn as a cube; the nearer ones are painted over those further away.  Units are metres.
@@ -9,18 +9,18 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from PIL import ImageColor
 
-from ethogram.core.scene import Scene
-from ethogram.report.render.canvas import MUTED, Canvas, colour, measure
+from ethogram.core.scene import GRADED_RANGE, Scene
+from ethogram.report.render.canvas import MUTED, Canvas, text_width
+from ethogram.report.render.labels import draw_label
+from ethogram.report.render.speech import draw_bubbles, draw_leaders, speech_bubbles
 from ethogram.report.render.svg_canvas import SvgCanvas
 
-CONTRACTED, RESTING, EXPANDED = TINTS = ("#0072b2", "#bdbab1", "#d55e00")
-SATURATED = 0.1  # of the size at rest: a larger change does not change the colour further
 AROUND, ABOVE = math.radians(-18), math.radians(20)  # where the eye is: to the left, upwards
 AWAY = 6.0  # how far, in the largest distance of a shape from the centre
-SHARE = 0.23  # of the paper's width that this distance has
+SHARE = 0.23  # of the canvas' width that this distance has
 NEAR = 0.2  # of the eye's distance: nothing nearer is drawn
 LIGHT = np.array((-0.3, -0.6, 1.0))  # where it comes from; as much as can be falls from above
 DARKEST = 0.6  # of a face that gets no light
@@ -39,9 +39,9 @@ NORMALS = CORNERS[FACES].mean(1)
 
 
 class View(NamedTuple):
-    """How points in space come onto the paper."""
+    """How points in space come onto the canvas."""
 
-    target: Float[np.ndarray, "3"]  # m, what is in the middle of the paper
+    target: Float[np.ndarray, "3"]  # m, what is in the middle of the canvas
     axes: Float[np.ndarray, "3 3"]  # unit vectors to the right, up and ahead
     distance: float  # m, of the eye from the target
     reach: float  # m, the largest distance of a shape from the target
@@ -53,8 +53,8 @@ class View(NamedTuple):
         """Where it is."""
         return self.target - self.distance * self.axes[2]
 
-    def seen(self, points: Float[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
-        """Where points are on the paper (x and y in pixels), and how far ahead (m)."""
+    def project(self, points: Float[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
+        """Where points are on the canvas (x and y in pixels), and how far ahead (m)."""
         right, up, ahead = np.moveaxis((points - self.target) @ self.axes.T, -1, 0)
         depth = ahead + self.distance
         zoom = self.scale * self.distance / np.maximum(depth, NEAR * self.distance)
@@ -62,8 +62,8 @@ class View(NamedTuple):
         return np.stack([x + zoom * right, y - zoom * up, depth], -1)
 
 
-def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
-    """Draw a frame; returns where the shapes are: x, y and radius in pixels."""
+def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> None:
+    """Draw a frame, and above all shapes their labels and what they say."""
     view = _view(scene, frame, canvas.width, canvas.height)
     _draw_floor(canvas, view)
     half = np.array([shape.size for shape in scene.shapes], float)
@@ -72,8 +72,8 @@ def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> Float[np.ndarr
     turn = _turns(scene, frame)
     position = scene.position[frame].astype(float)
     corners = position[:, None] + half[:, None, None] * (CORNERS @ turn.swapaxes(1, 2))
-    shown = np.flatnonzero(_shown(scene)[frame] & np.isfinite(corners).all((1, 2)))
-    fallen = view.seen(corners * (1, 1, 0))
+    shown = np.flatnonzero(scene.visible(frame) & np.isfinite(corners).all((1, 2))).tolist()
+    fallen = view.project(corners * (1, 1, 0))
     for shape in shown:
         for face in FACES:
             canvas.polygon(fallen[shape, face, :2], SHADOW)
@@ -81,12 +81,18 @@ def draw(canvas: Canvas | SvgCanvas, scene: Scene, frame: int) -> Float[np.ndarr
     colours = _colours(scene, frame)
     for shape in sorted(shown, key=lambda shape: -away[shape]):
         _draw_cube(canvas, view, corners[shape], NORMALS @ turn[shape].T, colours[shape])
-    return np.column_stack([view.seen(position)[:, :2], view.scale * half])
+    radius = view.scale * half
+    places = np.column_stack([view.project(position)[:, :2], radius, radius])
+    for shape in shown:
+        draw_label(canvas, scene, frame, shape, places[shape])
+    bubbles = speech_bubbles(canvas, scene, frame, places)
+    draw_leaders(canvas, bubbles)
+    draw_bubbles(canvas, bubbles)
 
 
 def _view(scene: Scene, frame: int, width: int, height: int) -> View:
     """The same in all frames but for x, so that all of every frame is seen."""
-    shown = _shown(scene)
+    shown = scene.visible()
     size = max((shape.size for shape in scene.shapes), default=0.0)
     place = np.where(shown[..., None], scene.position, 0.0).astype(float)
     ahead = place[..., 0].sum(1) / np.maximum(shown.sum(1), 1)
@@ -109,10 +115,6 @@ def _view(scene: Scene, frame: int, width: int, height: int) -> View:
     )
 
 
-def _shown(scene: Scene) -> Bool[np.ndarray, "frame shape"]:
-    return (scene.tint >= 0) & np.isfinite(scene.position).all(2)
-
-
 def _turns(scene: Scene, frame: int) -> Float[np.ndarray, "shape 3 3"]:
     """Rotation matrices of the shapes' unit quaternions."""
     if scene.orientation is None:
@@ -127,16 +129,16 @@ def _turns(scene: Scene, frame: int) -> Float[np.ndarray, "shape 3 3"]:
 
 
 def _colours(scene: Scene, frame: int) -> Float[np.ndarray, "shape 3"]:
-    """By how far shapes are contracted or expanded; where nothing tells, by their tints."""
-    if scene.scale is None:
-        return np.array([_rgb(colour(max(tint, 0))) for tint in scene.tint[frame].tolist()])
-    change = np.clip((scene.scale[frame].astype(float) - 1) / SATURATED, -1, 1)[:, None]
-    limit = np.where(change < 0, _rgb(CONTRACTED), _rgb(EXPANDED))
-    return _rgb(RESTING) + np.abs(change) * (limit - _rgb(RESTING))
-
-
-def _rgb(hexadecimal: str) -> Float[np.ndarray, "3"]:
-    return np.array(ImageColor.getrgb(hexadecimal), float)
+    """Of their tints or, of a graded scene, by how far shapes are contracted or expanded."""
+    palette = np.array([ImageColor.getrgb(tint.colour) for tint in scene.palette], float)
+    if scene.scale is None or not scene.graded:
+        return palette.reshape(-1, 3)[scene.tint[frame]] if len(palette) else np.zeros((0, 3))
+    contracted, resting, expanded = palette
+    change = np.clip((scene.scale[frame].astype(float) - 1) / GRADED_RANGE, -1, 1)[:, None]
+    found: np.ndarray = resting + np.abs(change) * (
+        np.where(change < 0, contracted, expanded) - resting
+    )
+    return found
 
 
 def _draw_cube(
@@ -144,21 +146,19 @@ def _draw_cube(
     view: View,
     corners: Float[np.ndarray, "8 3"],
     normals: Float[np.ndarray, "6 3"],
-    painted: Float[np.ndarray, "3"],
+    colour: Float[np.ndarray, "3"],
 ) -> None:
     """The faces that look at the eye, the darker the further they are turned from the light."""
     faces = corners[FACES]
     light = DARKEST + (1 - DARKEST) * np.clip(normals @ LIGHT, 0, 1)
     facing = ((view.eye - faces.mean(1)) * normals).sum(1) > 0
-    on_paper = view.seen(faces)
-    before = (on_paper[..., 2] > NEAR * view.distance).all(1)
+    on_canvas = view.project(faces)
+    before = (on_canvas[..., 2] > NEAR * view.distance).all(1)
     for face in np.flatnonzero(facing & before):
-        canvas.polygon(
-            on_paper[face, :, :2], _hexadecimal(light[face] * painted), _hexadecimal(0.5 * painted)
-        )
+        canvas.polygon(on_canvas[face, :, :2], _hex(light[face] * colour), _hex(0.5 * colour))
 
 
-def _hexadecimal(rgb: Float[np.ndarray, "3"]) -> str:
+def _hex(rgb: Float[np.ndarray, "3"]) -> str:
     return "#" + bytes(np.clip(rgb, 0, 255).astype(np.uint8)).hex()
 
 
@@ -179,9 +179,9 @@ def _draw_floor(canvas: Canvas | SvgCanvas, view: View) -> None:
         for line in _lines(view, axis, _places(view, axis, step), FAR * view.reach):
             canvas.line(line, MARK, 1.5)
     for place in _places(view, 0, _apart(view, LINES, MOST_NAMES) / 2):
-        x, y, ahead = view.seen(np.array((place, view.target[1] - beside, 0.0))).tolist()
+        x, y, ahead = view.project(np.array((place, view.target[1] - beside, 0.0))).tolist()
         name = f"{MILLIMETRES * place:.6g} mm"
-        half = measure(name, LETTERS) / 2 + 2
+        half = text_width(name, LETTERS) / 2 + 2
         if half < x < canvas.width - half and ahead > NEAR * view.distance:
             canvas.text((x, y + LETTERS), name, LETTERS, MUTED, halo=True)
 
@@ -201,13 +201,13 @@ def _places(view: View, axis: int, apart: float) -> Float[np.ndarray, "line"]:
 def _lines(
     view: View, axis: int, places: Float[np.ndarray, "line"], far: float
 ) -> Float[np.ndarray, "line 2 2"]:
-    """The ends on the paper of lines across an axis, so far both ways but not nearer the eye."""
+    """The ends on the canvas of lines across an axis, so far both ways but not nearer the eye."""
     ends = np.zeros((len(places), 2, 3))
     ends[..., axis] = places[:, None]
     ends[..., 1 - axis] = view.target[1 - axis] + far * np.array((-1, 1))
-    depth = view.seen(ends)[..., 2] - NEAR * view.distance
+    depth = view.project(ends)[..., 2] - NEAR * view.distance
     before = (depth > 0).any(1)
     ends, depth = ends[before], depth[before]
     other = depth[:, ::-1]  # of a line's other end, which is far enough where this one is not
     share = np.where(depth < 0, depth / np.where(depth < 0, depth - other, 1.0), 0.0)
-    return view.seen(ends + share[..., None] * (ends[:, ::-1] - ends))[..., :2]
+    return view.project(ends + share[..., None] * (ends[:, ::-1] - ends))[..., :2]

@@ -1,4 +1,4 @@
-"""A canvas of SVG: as `ethogram.report.render.canvas`, for pictures that take the page's ink."""
+"""SVG canvas: as `ethogram.report.render.canvas`, for drawings that take the page's ink."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,10 +6,19 @@ from typing import Any
 import numpy as np
 from markupsafe import escape
 
-from ethogram.report.render.canvas import FURTHEST, INK, MUTED, PAPER, RULE, Point, plain
+from ethogram.report.render.canvas import (
+    FURTHEST,
+    INK,
+    MUTED,
+    PAPER,
+    ROUNDED,
+    RULE,
+    Point,
+    printable,
+)
 
 OUTLINE = 0.7  # pixels, around what is filled
-INKS = {  # how colours of the page are told: by the text's, and by the system's for paper
+THEME = {  # how colours of the page are told: by the text's, and by the system's for paper
     INK: ("currentColor", ""),
     MUTED: ("currentColor", "0.65"),
     RULE: ("currentColor", "0.25"),
@@ -22,49 +31,53 @@ class SvgCanvas:
 
     def __init__(self, width: int, height: int) -> None:
         self.width, self.height = width, height
-        self._drawn: list[str] = []
+        self._elements: list[str] = []
 
     def svg(self) -> str:
         """What was drawn as one element; what is beyond the edges is not seen."""
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{self.width}px" '
             f'height="{self.height}px" viewBox="0 0 {self.width} {self.height}" '
-            f'font-family="sans-serif" stroke-linejoin="round">{"".join(self._drawn)}</svg>'
+            f'font-family="sans-serif" stroke-linejoin="round">{"".join(self._elements)}</svg>'
         )
 
     def paste(self, other: "SvgCanvas", place: tuple[int, int]) -> None:
         """Put what another canvas drew, within its edges, where its left upper corner is to be."""
         x, y = place
         size = f'width="{other.width}" height="{other.height}"'
-        self._drawn += [f'<svg x="{x}" y="{y}" {size}>', *other._drawn, "</svg>"]
+        self._elements += [f'<svg x="{x}" y="{y}" {size}>', *other._elements, "</svg>"]
 
     def line(self, points: Any, colour: str, width: float = 1.0) -> None:
         """Join points (rows of x and y)."""
-        path = f"M{_path(points)}"
-        self._add(f'path d="{path}" fill="none" stroke-width="{width}"', stroke=colour)
+        wide = _number(min(width, FURTHEST)) if width > ROUNDED else f"{width}"
+        ends = ' stroke-linecap="round"' if width > ROUNDED else ""
+        path = f'path d="M{_path(points)}" fill="none" stroke-width="{wide}"{ends}'
+        self._add(path, stroke=colour)
 
     def polygon(self, points: Any, fill: str, outline: str | None = None) -> None:
         """Fill what is between points (rows of x and y), and draw its border."""
         self._add(f'path d="M{_path(points)}Z"', fill=fill, stroke=outline)
 
-    def box(self, corners: Sequence[Point], fill: str | None, outline: str | None = None) -> None:
+    def rectangle(
+        self, corners: Sequence[Point], fill: str | None, outline: str | None = None
+    ) -> None:
         """Fill a rectangle from its left upper to its right lower corner, and draw its border."""
         (left, top), (right, bottom) = np.clip(np.asarray(corners, float), -FURTHEST, FURTHEST)
         size = f'width="{_number(right - left)}" height="{_number(bottom - top)}"'
         self._add(f'rect x="{_number(left)}" y="{_number(top)}" {size}', fill=fill, stroke=outline)
 
-    def disc(self, centre: Point, radius: float, colour: str) -> None:
-        """Fill a circle."""
-        self._add(_circle(centre, radius), fill=colour)
-
-    def ring(self, centre: Point, radius: float, colour: str) -> None:
-        """Draw a circle's border."""
-        self._add(_circle(centre, radius), fill=None, stroke=colour)
+    def circle(
+        self, centre: Point, radius: float, fill: str | None, outline: str | None = None
+    ) -> None:
+        """Fill a circle, and draw its border."""
+        x, y = map(_number, np.clip(centre, -FURTHEST, FURTHEST))
+        size = _number(min(max(radius, 0.0), FURTHEST))
+        self._add(f'circle cx="{x}" cy="{y}" r="{size}"', fill=fill, stroke=outline)
 
     def text(
         self,
         place: Point,
-        words: str,
+        text: str,
         size: float,
         colour: str,
         *,
@@ -75,12 +88,12 @@ class SvgCanvas:
         x, y = map(_number, np.clip(place, -FURTHEST, FURTHEST))
         side = {"l": "start", "m": "middle", "r": "end"}[anchor[0]]
         look = 'paint-order="stroke" stroke="Canvas" stroke-width="2" ' if halo else ""
-        # white on a colour is white in the dark as well
-        ink, seen = ("#ffffff", "") if colour == PAPER else INKS.get(colour, (colour, ""))
-        opacity = f' fill-opacity="{seen}"' if seen else ""
-        self._drawn.append(
+        ink, opacity = THEME.get(colour, (colour, ""))
+        faint = f' fill-opacity="{opacity}"' if opacity else ""
+        shown = escape(printable(text))
+        self._elements.append(
             f'<text x="{x}" y="{y}" font-size="{size}" text-anchor="{side}" '
-            f'dominant-baseline="central" {look}fill="{ink}"{opacity}>{escape(plain(words))}</text>'
+            f'dominant-baseline="central" {look}fill="{ink}"{faint}>{shown}</text>'
         )
 
     def _add(self, element: str, *, fill: str | None = "", stroke: str | None = None) -> None:
@@ -88,21 +101,16 @@ class SvgCanvas:
         for name, colour in (("fill", fill), ("stroke", stroke)):
             if colour == "" or (colour is None and name == "stroke"):
                 continue
-            ink, seen = ("none", "") if colour is None else INKS.get(colour, (colour, ""))
-            element += f' {name}="{ink}"' + (f' {name}-opacity="{seen}"' if seen else "")
+            ink, opacity = ("none", "") if colour is None else THEME.get(colour, (colour, ""))
+            element += f' {name}="{ink}"' + (f' {name}-opacity="{opacity}"' if opacity else "")
         if stroke is not None and "stroke-width" not in element:
             element += f' stroke-width="{OUTLINE}"'
-        self._drawn.append(f"<{element}/>")
+        self._elements.append(f"<{element}/>")
 
 
 def _path(points: Any) -> str:
     places = np.clip(np.asarray(points, float), -FURTHEST, FURTHEST).reshape(-1, 2)
     return "L".join(f"{_number(x)} {_number(y)}" for x, y in places)
-
-
-def _circle(centre: Point, radius: float) -> str:
-    x, y = map(_number, np.clip(centre, -FURTHEST, FURTHEST))
-    return f'circle cx="{x}" cy="{y}" r="{_number(min(max(radius, 0.0), FURTHEST))}"'
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Scenes as films that every viewer shows: animated GIF and WebP, and MP4 (H.264)."""
+"""Scenes as videos that every viewer shows: animated GIF and WebP, and MP4 (H.264)."""
 
 import io
 import itertools
@@ -15,7 +15,7 @@ from PIL import Image
 from ethogram.campaign.files import StorageError, write_whole
 from ethogram.core.errors import EthogramError
 from ethogram.core.scene import Scene
-from ethogram.report.render.frames import WIDTH, picture
+from ethogram.report.render.frames import WIDTH, render_frame
 
 MOST_FRAMES = 600  # of an animated image
 SHORTEST = 0.02  # s; viewers of GIF slow down what is shown for less
@@ -27,36 +27,36 @@ QUALITY = "18"  # of MP4: the lower the better, from 0 to 51
 SWIFT: dict[str, int] = {"method": 1, "quality": 20}  # of WebP: a fifth of the time, hardly larger
 
 
-def write_film(file: Path, scene: Scene, *, width: int = WIDTH) -> None:
-    """Write a scene as a film, whole or not at all, in place of an earlier one of that name.
+def write_video(file: Path, scene: Scene, *, width: int = WIDTH) -> None:
+    """Write a scene as a video, whole or not at all, in place of an earlier one of that name.
 
     An MP4 has every frame.  A GIF or WebP has 600 at most, evenly chosen and shown for longer, so
-    that the film takes as long; a GIF has none that is shown for less than 20 ms.
+    that the video takes as long; a GIF has none that is shown for less than 20 ms.
 
     Args:
         file: where to; its suffix (.gif, .webp, .mp4) is the format.
         scene: in the plane or in space.
-        width: of the film (pixels), made even.
+        width: of the video (pixels), made even.
 
     Raises:
         EthogramError: the suffix is none of these, the scene has nothing to show, a package is
             missing, or the file cannot be written.
 
     """
-    film = FORMATS.get(file.suffix.lower())
-    if film is None:
+    video = FORMATS.get(file.suffix.lower())
+    if video is None:
         raise EthogramError(
-            f"{str(file)!r} cannot be a film: {', '.join(FORMATS)} can, by the name's end, "
+            f"{str(file)!r} cannot be a video: {', '.join(FORMATS)} can, by the name's end, "
             f"and this one's is {file.suffix!r}."
         )
     if not len(scene.tint):
         raise EthogramError(f"Scene {scene.title!r} has no frame.")
     if not FASTEST <= scene.frame_seconds <= SLOWEST:
         raise EthogramError(
-            f"Scene {scene.title!r} shows a frame for {scene.frame_seconds} s; a film can from "
+            f"Scene {scene.title!r} shows a frame for {scene.frame_seconds} s; a video can from "
             f"{FASTEST} to {SLOWEST} s."
         )
-    content = film(scene, width)
+    content = video(scene, width)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -65,21 +65,21 @@ def write_film(file: Path, scene: Scene, *, width: int = WIDTH) -> None:
 
 
 def _gif(scene: Scene, width: int) -> bytes:
-    frames = _thinned(scene, SHORTEST)
-    pictures, palette = _reduced(scene, frames, width)
+    frames = _subsampled(scene, SHORTEST)
+    images, palette = _quantized(scene, frames, width)
     durations = [10 * units for units in _durations(scene, frames, 0.01, SHORTEST)]
     # optimised: what does not change from a frame to the next is transparent
-    return _animated(pictures, "GIF", durations, palette=palette, optimize=True)
+    return _animation(images, "GIF", durations, palette=palette, optimize=True)
 
 
 def _webp(scene: Scene, width: int) -> bytes:
-    frames = _thinned(scene, FASTEST)
-    pictures, _ = _reduced(scene, frames, width)
+    frames = _subsampled(scene, FASTEST)
+    images, _ = _quantized(scene, frames, width)
     durations = _durations(scene, frames, 0.001, FASTEST)
-    return _animated(pictures, "WEBP", durations, lossless=True, **SWIFT)
+    return _animation(images, "WEBP", durations, lossless=True, **SWIFT)
 
 
-def _thinned(scene: Scene, shortest: float) -> range:
+def _subsampled(scene: Scene, shortest: float) -> range:
     """Every n-th frame, so that there are not too many and none is shown for too short a time."""
     count = len(scene.tint)
     step = max(math.ceil(count / MOST_FRAMES), math.ceil(shortest / scene.frame_seconds - 1e-9))
@@ -92,24 +92,24 @@ def _durations(scene: Scene, frames: Sequence[int], unit: float, shortest: float
     return np.maximum(np.diff(due), round(shortest / unit)).astype(int).tolist()
 
 
-def _animated(
-    pictures: Iterable[Image.Image], kind: str, durations: Sequence[int], **options: object
+def _animation(
+    images: Iterable[Image.Image], kind: str, durations: Sequence[int], **options: object
 ) -> bytes:
     """An image that begins again when it has ended; durations in ms."""
     content = io.BytesIO()
-    first, *rest = pictures
+    first, *rest = images
     first.save(
         content, kind, save_all=True, append_images=rest, duration=durations, loop=0, **options
     )
     return content.getvalue()
 
 
-def _reduced(
+def _quantized(
     scene: Scene, frames: Sequence[int], width: int
 ) -> tuple[Iterator[Image.Image], bytes]:
-    """Pictures that share few colours, which then do not flicker, and these colours."""
+    """Images that share few colours, which then do not flicker, and these colours."""
     chosen = np.unique(np.linspace(0, len(frames) - 1, SAMPLE).round().astype(int))
-    sample = [picture(scene, frames[at], width=width) for at in chosen]
+    sample = [render_frame(scene, frames[at], width=width) for at in chosen]
     colours = _common_colours(np.concatenate([np.asarray(each) for each in sample]))
     # Pillow looks up the nearest colour for cells, from their darkest corners: with these as
     # colours it finds each exactly
@@ -117,13 +117,13 @@ def _reduced(
     corners.putpalette((colours - colours % CELL).tobytes())
     palette = colours.tobytes()
 
-    def reduced(frame: int) -> Image.Image:
-        whole = picture(scene, frame, width=width)
+    def quantized(frame: int) -> Image.Image:
+        whole = render_frame(scene, frame, width=width)
         few = whole.quantize(palette=corners, dither=Image.Dither.NONE)
         few.putpalette(palette)
         return few
 
-    return map(reduced, frames), palette
+    return map(quantized, frames), palette
 
 
 def _common_colours(pixels: UInt8[np.ndarray, "row column 3"]) -> UInt8[np.ndarray, "colour 3"]:
@@ -150,33 +150,33 @@ def _mp4(scene: Scene, width: int) -> bytes:
         encoder = get_ffmpeg_exe()
     except RuntimeError as error:
         raise EthogramError(f"MP4 needs ffmpeg: {error}") from error
-    pictures = (picture(scene, frame, width=width) for frame in range(len(scene.tint)))
-    return _encoded(encoder, pictures, 1 / scene.frame_seconds)
+    images = (render_frame(scene, frame, width=width) for frame in range(len(scene.tint)))
+    return _encode(encoder, images, 1 / scene.frame_seconds)
 
 
-def _encoded(encoder: str, pictures: Iterator[Image.Image], rate: float) -> bytes:
-    """What ffmpeg makes of pictures, so many a second.
+def _encode(encoder: str, images: Iterator[Image.Image], rate: float) -> bytes:
+    """What ffmpeg makes of images, so many a second.
 
     The package's own writer would fork this process, in which JAX may have threads.
     """
-    first = next(pictures)
+    first = next(images)
     size = f"{first.width}x{first.height}"
     given = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", f"{rate:.6f}", "-i", "-")
     made = ("-c:v", "libx264", "-crf", QUALITY, "-pix_fmt", "yuv420p", "-movflags", "+faststart")
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as log:
-        file = Path(folder) / "film.mp4"
+        file = Path(folder) / "video.mp4"
         command = (encoder, "-v", "error", *given, *made, str(file))
         try:
             with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log) as process:
                 assert process.stdin is not None
-                for each in itertools.chain([first], pictures):
+                for each in itertools.chain([first], images):
                     process.stdin.write(each.tobytes())
         except BrokenPipeError:
             pass  # it ended before it had all: its exit code says so
         if process.returncode:
             log.seek(0)
             reason = log.read().decode(errors="replace").strip() or f"code {process.returncode}"
-            raise EthogramError(f"ffmpeg could not make the film: {reason}")
+            raise EthogramError(f"ffmpeg could not make the video: {reason}")
         return file.read_bytes()
 
 

@@ -37,7 +37,7 @@ function chartOf(canvas, key, theme) {
       linesOf(each).slice(0, 1).map(line => ({
         ...line, colour: laneColour(lane), dash: DASHES[0], name: `${each.mark}: ${line.name}`,
       })));
-    canvas.hidden = key.hidden = lines.length === 0;
+    canvas.hidden = key.hidden = lines.length === 0 || frames < 2;
     const named = new Map(lines.map(line => [line.name, line]));
     key.replaceChildren(...[...named.values()].map(line => {
       const item = document.createElement("li"), swatch = document.createElement("span");

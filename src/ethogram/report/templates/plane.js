@@ -1,7 +1,10 @@
 // Draws a scene in the plane on a canvas. A stage shows a cast, and draws it at a moment: a frame,
 // and how far on the way to the next one.
-function planeStage(canvas, colour, theme) {
+function planeStage(canvas, theme) {
   const HIGH = 16, LEVELS = 6; // px, of what is said; rows above each other
+  const CLEAR = 9, MARK = 0.5, LEAST_MARK = 4; // of labels and of headings, as render/*.py
+  const WORD = "11px sans-serif";
+  const SILENT = ["square", "text"]; // kinds that hide no words
   let scene = null, arrays = {};
 
   // Fits the bounds into the canvas, the same scale on both axes, y upwards.
@@ -15,77 +18,141 @@ function planeStage(canvas, colour, theme) {
     return { pen, width, height, unit, place };
   }
 
-  // Where each shape is; one that is somewhere anew in the next frame stays until then.
-  function places(frame, share, place) {
+  // Numbers at a moment; of a shape that is somewhere anew in the next frame, until then as before.
+  function momentOf(frame, share) {
     const count = scene.shapes.length, first = frame * count, next = first + count;
-    return scene.shapes.map((_, shape) => {
-      const gone = share > 0 && !(arrays.fresh && arrays.fresh[next + shape]);
-      const at = axis => {
-        const here = arrays.position[2 * (first + shape) + axis];
-        return gone ? here + share * (arrays.position[2 * (next + shape) + axis] - here) : here;
-      };
-      return place(at(0), at(1));
-    });
+    const going = shape => share > 0 && !(arrays.fresh && arrays.fresh[next + shape]);
+    const between = (array, wide, shape, at) => {
+      const here = array[wide * (first + shape) + at];
+      return going(shape) ? here + share * (array[wide * (next + shape) + at] - here) : here;
+    };
+    const heading = shape => {
+      const here = arrays.heading[first + shape];
+      if (!going(shape)) return here;
+      const turn = arrays.heading[next + shape] - here;
+      return here + share * (turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)));
+    };
+    return { first, between, heading };
   }
 
-  function drawLinks(pen, where, first) {
+  // What is drawn of a shape: where it is, how large, and a polygon's corners, all in pixels.
+  function shapeAt(shape, moment, { unit, place }) {
+    const [kind, size, label, own] = scene.shapes[shape], { first, between } = moment;
+    const tint = Math.round(arrays.tint[first + shape]);
+    if (tint < 0) return null;
+    const x = between(arrays.position, 2, shape, 0), y = between(arrays.position, 2, shape, 1);
+    const grown = size * (arrays.scale ? arrays.scale[first + shape] : 1);
+    const angle = arrays.heading && kind !== "text" ? moment.heading(shape) : NaN;
+    const [, colour, letters] = scene.palette[tint], [px, py] = place(x, y);
+    const found = { shape, kind, label, colour, letters, angle, x: px, y: py };
+    if (kind !== "polygon") return { ...found, radius: unit * grown, inner: unit * grown };
+    const vertices = own ?? Array.from({ length: scene.vertices }, (_, vertex) => [0, 1].map(axis =>
+      between(arrays.vertices, 2 * scene.vertices, shape, 2 * vertex + axis)));
+    const known = vertices.filter(([dx, dy]) => Number.isFinite(dx + dy));
+    const cos = arrays.heading ? Math.cos(angle) : 1, sin = arrays.heading ? Math.sin(angle) : 0;
+    const corners = known.map(([dx, dy]) =>
+      place(x + grown * (cos * dx - sin * dy), y + grown * (sin * dx + cos * dy)));
+    const furthest = of => unit * grown * Math.max(0, ...known.map(of));
+    return { ...found, corners, radius: furthest(([dx, dy]) => Math.hypot(dx, dy)),
+      inner: Math.min(furthest(([dx]) => Math.abs(dx)), furthest(([, dy]) => Math.abs(dy))) };
+  }
+
+  function path(pen, points) {
+    pen.beginPath();
+    for (const point of points) pen.lineTo(...point);
+  }
+
+  function drawBackground(pen, { unit, place }) {
+    pen.lineCap = pen.lineJoin = "round";
+    for (const [kind, points, tint, width] of scene.background) {
+      pen.fillStyle = pen.strokeStyle = scene.palette[tint][1];
+      pen.lineWidth = Math.max(1, unit * width);
+      path(pen, points.map(point => place(...point)));
+      if (kind === "polygon") pen.fill();
+      else pen.stroke();
+    }
+    pen.lineCap = "butt";
+  }
+
+  function drawLinks(pen, shown) {
     pen.lineWidth = 1;
     pen.strokeStyle = theme().muted;
     for (const [one, other] of scene.links) {
-      if (arrays.tint[first + one] < 0 || arrays.tint[first + other] < 0) continue;
-      pen.beginPath();
-      pen.moveTo(...where[one]);
-      pen.lineTo(...where[other]);
+      if (!shown[one] || !shown[other]) continue;
+      path(pen, [[shown[one].x, shown[one].y], [shown[other].x, shown[other].y]]);
       pen.stroke();
     }
   }
 
-  // A circle has a rim, so that it is seen on a square and beside another of the same tint.
-  function drawShape(pen, unit, [x, y], shape, first) {
-    const tint = Math.round(arrays.tint[first + shape]);
-    if (tint < 0) return;
-    const [kind, , label] = scene.shapes[shape], radius = radiusOf(unit, shape, first);
-    pen.fillStyle = pen.strokeStyle = colour(tint);
-    pen.beginPath();
-    if (kind === "square") pen.rect(x - radius, y - radius, 2 * radius, 2 * radius);
-    else if (kind !== "text") pen.arc(x, y, Math.max(radius, 1), 0, 2 * Math.PI);
+  // Circles and polygons have a rim, so that they are seen beside others of the same tint.
+  function drawShape(pen, { kind, x, y, radius, colour, angle, corners }) {
+    pen.lineWidth = 1;
+    pen.fillStyle = pen.strokeStyle = colour;
+    if (kind === "polygon") {
+      path(pen, corners);
+      pen.closePath();
+    } else {
+      pen.beginPath();
+      if (kind === "square") pen.rect(x - radius, y - radius, 2 * radius, 2 * radius);
+      else if (kind !== "text") pen.arc(x, y, Math.max(radius, 1), 0, 2 * Math.PI);
+    }
     if (kind === "ring") pen.stroke();
     else {
       pen.fill();
       pen.strokeStyle = theme().wash;
-      if (kind === "circle" && radius > 3) pen.stroke();
+      if (kind === "polygon" || (kind === "circle" && radius > 3)) pen.stroke();
     }
-    if (!label) return;
-    const inside = kind === "circle" && pen.measureText(label).width < 2 * radius;
-    pen.fillStyle = inside ? "#ffffff" : theme().ink;
-    // a square's is below it: above stand words, and what is on the square
-    const away = inside || kind === "text" ? 0 : kind === "square" ? radius + 9 : -radius - 9;
-    pen.fillText(label, x, y + away);
+    if (kind === "polygon" || !Number.isFinite(angle)) return;
+    drawHeading(pen, { kind, x, y, radius, colour, angle });
   }
 
-  const radiusOf = (unit, shape, first) =>
-    unit * scene.shapes[shape][1] * (arrays.scale ? arrays.scale[first + shape] : 1);
+  // A mark that begins at the edge.
+  function drawHeading(pen, { kind, x, y, radius, colour, angle }) {
+    const across = Math.cos(angle), up = Math.sin(angle);
+    const edge = kind === "square" ? radius / Math.max(Math.abs(across), Math.abs(up)) : radius;
+    const ends = [edge, edge + Math.max(LEAST_MARK, MARK * radius)];
+    pen.strokeStyle = colour;
+    pen.lineWidth = 2;
+    path(pen, ends.map(end => [x + end * across, y - end * up]));
+    pen.stroke();
+  }
+
+  // Where a label stands: within a shape where there is room, else above it. A square's is below
+  // it: above stand words, and what is on the square.
+  function labelOf(pen, { kind, label, x, y, radius, inner }, high) {
+    const wide = pen.measureText(label).width;
+    const room = kind === "circle" || 2 * inner > high ? 2 * inner : 0;
+    const inside = ["circle", "polygon"].includes(kind) && wide < room;
+    const away = inside || kind === "text" ? 0 : kind === "square" ? radius + CLEAR : -radius - CLEAR;
+    const middle = y + away;
+    const box = [x - wide / 2, middle - high / 2, x + wide / 2, middle + high / 2];
+    return { inside, x, y: middle, box };
+  }
+
+  function drawLabel(pen, { label, letters }, where) {
+    pen.fillStyle = where.inside ? letters : theme().ink;
+    pen.fillText(label, where.x, where.y);
+  }
 
   // What is said stands beside who says it, where it hides neither who else is there nor what they
   // say: above, to the right, to the left, below, or further up with a line.
-  function drawWords(pen, { width, height, unit }, where, first) {
-    const font = "11px sans-serif", taken = [], said = [];
-    pen.font = font;
-    where.forEach(([x, y], shape) => {
-      if (arrays.tint[first + shape] < 0 || !Number.isFinite(x + y)) return;
+  function placeWords(pen, { width, height }, shown, labels, first) {
+    const taken = [...labels], said = [];
+    for (const each of shown) {
+      const { x, y, radius, shape, kind } = each;
+      if (!Number.isFinite(x + y + radius)) continue;
       const word = scene.words[Math.round(arrays.said[first + shape])];
-      const radius = radiusOf(unit, shape, first);
-      if (["circle", "ring"].includes(scene.shapes[shape][0]))
+      if (!SILENT.includes(kind) || word !== undefined)
         taken.push([x - radius, y - radius, x + radius, y + radius, shape]);
       if (word !== undefined) said.push({ word, x, y, radius, shape });
-    });
-    said.sort((one, other) => one.y - other.y || one.x - other.x);
-    for (const each of said) {
-      const wide = Math.min(pen.measureText(each.word).width + 8, width);
-      const found = placeFor(each, wide, width, height, taken);
-      if (found) taken.push(found);
-      drawWord(pen, each, found);
     }
+    said.sort((one, other) => one.y - other.y || one.x - other.x);
+    return said.map(each => {
+      const wide = Math.min(pen.measureText(each.word).width + 8, width);
+      const box = placeFor(each, wide, width, height, taken);
+      if (box) taken.push(box);
+      return { ...each, box: box?.map(Math.round) };
+    });
   }
 
   function placeFor({ x, y, radius, shape }, wide, width, height, taken) {
@@ -107,25 +174,29 @@ function planeStage(canvas, colour, theme) {
   const meet = (one, other) =>
     one[0] < other[2] + 1 && other[0] < one[2] + 1 && one[1] < other[3] + 1 && other[1] < one[3] + 1;
 
+  // From who speaks to words that are not right beside them.
+  function drawLeaders(pen, words) {
+    pen.strokeStyle = theme().ink;
+    pen.lineWidth = 1;
+    for (const { x, y, radius, box } of words) {
+      if (!box || box[3] >= y - radius - HIGH) continue;
+      path(pen, [[x, y - radius], [Math.min(Math.max(x, box[0]), box[2]), box[3]]]);
+      pen.stroke();
+    }
+  }
+
   // Where there is room for no word, a dot tells that there is one.
-  function drawWord(pen, { word, x, y, radius }, box) {
+  function drawWord(pen, { word, x, y, radius, box }) {
     pen.strokeStyle = pen.fillStyle = theme().ink;
     pen.lineWidth = 1;
+    pen.beginPath();
     if (!box) {
-      pen.beginPath();
       pen.arc(x, y - radius, 3, 0, 2 * Math.PI);
       pen.fill();
       return;
     }
-    const [left, top, right, bottom] = box.map(Math.round);
-    if (bottom < y - radius - HIGH) {
-      pen.beginPath();
-      pen.moveTo(x, y - radius);
-      pen.lineTo(Math.min(Math.max(x, left), right), bottom);
-      pen.stroke();
-    }
+    const [left, top, right, bottom] = box;
     pen.fillStyle = theme().paper;
-    pen.beginPath();
     pen.roundRect(left + 0.5, top + 0.5, right - left - 1, bottom - top - 1, 4);
     pen.fill();
     pen.stroke();
@@ -141,15 +212,31 @@ function planeStage(canvas, colour, theme) {
         Math.min(4, Math.max(1, (right - left) / Math.max(top - bottom, 1e-9)));
     },
     draw(frame, share) {
-      const field = fit(), { pen, width, unit, place } = field;
-      const first = frame * scene.shapes.length;
-      const where = places(frame, frame + 1 < scene.frames ? share : 0, place);
-      pen.font = `${Math.max(10, Math.min(13, width / 50))}px sans-serif`;
+      const field = fit(), { pen, width } = field;
+      const moment = momentOf(frame, frame + 1 < scene.frames ? share : 0);
+      const high = Math.max(10, Math.min(13, width / 50)), letters = `${high}px sans-serif`;
+      const all = scene.shapes.map((_, shape) => shapeAt(shape, moment, field));
+      const shown = all.filter(each => each !== null);
       pen.textAlign = "center";
       pen.textBaseline = "middle";
-      drawLinks(pen, where, first);
-      where.forEach((at, shape) => drawShape(pen, unit, at, shape, first));
-      if (arrays.said) drawWords(pen, field, where, first);
+      pen.font = letters;
+      const labels = new Map(shown.filter(each => each.label).map(
+        each => [each, labelOf(pen, each, high)]));
+      const outside = [...labels.values()].filter(each => !each.inside).map(each => each.box);
+      pen.font = WORD;
+      const words = arrays.said ? placeWords(pen, field, shown, outside, moment.first) : [];
+      pen.font = letters;
+      drawBackground(pen, field);
+      drawLinks(pen, all);
+      const first = shown.find(each => !SILENT.includes(each.kind)); // lines to words lie under it
+      for (const each of shown) {
+        if (each === first) drawLeaders(pen, words);
+        drawShape(pen, each);
+        if (labels.has(each)) drawLabel(pen, each, labels.get(each));
+      }
+      if (!first) drawLeaders(pen, words);
+      pen.font = WORD;
+      for (const each of words) drawWord(pen, each);
     },
   };
 }

@@ -3,7 +3,6 @@
 (() => {
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const HALF = 32767;
-  const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#a87400", "#7d7d7d"];
   const LANES = ["#009e73", "#cc79a7", "#a87400", "#7b4fb5", "#2b8ca3", "#7d7d7d"]; // in space
   const MARKS = "ABCDEFGHIJ"; // of scenes side by side, as many as a page can have
   const root = document.getElementById("replay");
@@ -16,10 +15,10 @@
   const speed = part("speed"), loop = part("loop"), error = part("error");
   const thinned = part("thinned");
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const colour = tint => COLOURS[tint % COLOURS.length];
   const laneColour = lane => LANES[lane % LANES.length];
   const names = [...new Set(scenes.map(each => each.name))];
   const spaceOnly = document.querySelectorAll("[data-only=space]");
+  const motionOnly = document.querySelectorAll("[data-only=motion]");
   const stages = {}, read = new Map();
   let cast = [], stage = null, frames = 0, frame = 0, playing = false, last = 0, owed = 0;
   let asked = 0, look = null;
@@ -59,14 +58,15 @@
 
   // The arrays of a scene, which are unpacked once.
   async function unpacked(scene) {
-    if (scene.trouble !== undefined) throw new Error(scene.trouble);
+    if (scene.error !== undefined) throw new Error(scene.error);
     if (!(scene.frames > 0)) throw new Error("it has no frame");
     if (!scene.shapes.length) throw new Error("it has no shapes");
     if (read.has(scene)) return read.get(scene);
     const count = scene.shapes.length;
     const lengths = {
       position: scene.axes * count, tint: count, said: count, scale: count, fresh: count,
-      orientation: 4 * count, series: lineCount(scene),
+      orientation: 4 * count, heading: count, vertices: 2 * scene.vertices * count,
+      series: lineCount(scene),
     };
     const arrays = {};
     for (const [name, stored] of Object.entries(scene.arrays))
@@ -83,7 +83,7 @@
     flat.hidden = solidly;
     solid.hidden = !solidly;
     for (const each of spaceOnly) each.hidden = !solidly;
-    if (!solidly) return stages.plane ??= planeStage(flat, colour, theme);
+    if (!solidly) return stages.plane ??= planeStage(flat, theme);
     if (stages.space) return stages.space;
     try {
       stages.space = spaceStage(solid, theme, laneColour);
@@ -121,6 +121,7 @@
     error.textContent = reason === null ? "" : `This replay cannot be shown: ${reason}.`;
     frames = Math.max(0, ...cast.map(each => each.scene.frames));
     slider.max = Math.max(0, frames - 1);
+    for (const each of motionOnly) each.hidden = frames < 2;
     root.dataset.frames = frames;
     chart.show(cast, frames, laneColour);
     describe();
@@ -140,14 +141,13 @@
       legend.append(item);
     };
     if (!cast.length) return;
-    const tones = stage.legend?.() ?? [];
-    cast[0].scene.palette.forEach((meaning, tint) => add(tones[tint] ?? colour(tint), meaning));
+    for (const [meaning, colour] of cast[0].scene.palette) add(colour, meaning);
     if (cast.length > 1)
       cast.forEach(({ scene, mark }, lane) => add(laneColour(lane), `${mark}: ${titled(scene)}`));
     thinned.replaceChildren(...cast.flatMap(({ scene, mark }) => {
       if (!scene.thinned) return [];
       const [all, step] = scene.thinned, which = cast.length > 1 ? `${mark}: ` : "";
-      return `${which}of ${all} frames every ${nth(step)} is shown; a film (MP4) has them all. `;
+      return `${which}of ${all} frames every ${nth(step)} is shown; a video (MP4) has them all. `;
     }));
     thinned.hidden = !thinned.hasChildNodes();
     const marks = cast.length === 1 ? cast[0].scene.chapters : [];

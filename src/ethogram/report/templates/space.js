@@ -1,8 +1,6 @@
 // Draws scenes in space with three.js: voxels that turn, grow and shrink, on a floor with a scale.
 // Positions are in metres, z upwards. Several scenes stand side by side, in lanes along x.
 function spaceStage(canvas, theme, laneColour) {
-  const TONES = ["#0072b2", "#bdbab1", "#d55e00"]; // contracted, at rest, expanded
-  const FULL = 0.1; // a change of the edge by this share has the full colour
   const VIEW = [-0.3, -1, 0.5], FIELD = 35; // from where, and how wide, in degrees
   const LIGHT = [-0.5, -0.8, 2.0];
   const AXES = [0, 1, 2];
@@ -26,7 +24,7 @@ function spaceStage(canvas, theme, laneColour) {
     1, 0, -LIGHT[0] / LIGHT[2], 0, 0, 1, -LIGHT[1] / LIGHT[2], 0, 0, 0, 0, DAMP, 0, 0, 0, 1);
   const place = new THREE.Vector3(), turn = new THREE.Quaternion(), stretch = new THREE.Vector3();
   const next = new THREE.Quaternion(), matrix = new THREE.Matrix4(), shade = new THREE.Matrix4();
-  const tone = new THREE.Color(), [low, rest, high] = TONES.map(each => new THREE.Color(each));
+  const tone = new THREE.Color();
 
   // A face with a dark rim, so that voxels can be told apart.
   function edged() {
@@ -57,7 +55,8 @@ function spaceStage(canvas, theme, laneColour) {
     });
     const edge = 2 * Math.max(...scene.shapes.map(([, half]) => half));
     const long = extent(arrays.position.subarray(0, 3 * count)) + edge;
-    return { scene, arrays, count, lane, voxels, shadow, low, high, edge, long, label: null };
+    const tones = scene.palette.map(([, colour]) => new THREE.Color(colour));
+    return { scene, arrays, count, lane, voxels, shadow, low, high, edge, long, tones, label: null };
   }
 
   function extent(points) { // along x
@@ -129,7 +128,7 @@ function spaceStage(canvas, theme, laneColour) {
   }
 
   function pose(robot, frame, share) {
-    const { scene, arrays, count, voxels, shadow, lane } = robot;
+    const { scene, arrays, count, voxels, shadow, lane, tones } = robot;
     const now = Math.min(frame, scene.frames - 1), on = now + 1 < scene.frames ? share : 0;
     const first = now * count, then = on > 0 ? first + count : first;
     const between = (array, width, shape, axis) => {
@@ -157,14 +156,19 @@ function spaceStage(canvas, theme, laneColour) {
       matrix.compose(place, turn, stretch);
       voxels.setMatrixAt(shape, matrix);
       shadow.setMatrixAt(shape, shade.multiplyMatrices(flat, matrix));
-      const change = Math.max(-1, Math.min(1, (grown - 1) / FULL));
-      voxels.setColorAt(shape, tone.copy(rest).lerp(change < 0 ? low : high, Math.abs(change)));
+      voxels.setColorAt(shape, hidden ? tone : scene.graded
+        ? graded(tones, (grown - 1) / scene.graded) : tones[arrays.tint[first + shape]]);
     }
     voxels.instanceMatrix.needsUpdate = shadow.instanceMatrix.needsUpdate = true;
     voxels.instanceColor.needsUpdate = true;
     for (const axis of AXES) middle[axis] /= Math.max(1, shown);
     robot.label?.position.set(middle[0], middle[1] - lane * spacing, middle[2] + 2.2 * robot.edge);
     return middle;
+  }
+
+  // Between contracted, at rest and expanded; beyond a change of 1 no further.
+  function graded([low, rest, high], change) {
+    return tone.copy(rest).lerp(change < 0 ? low : high, Math.min(1, Math.abs(change)));
   }
 
   function turned(array, entry, quaternion) { // stored as w, x, y, z
@@ -213,7 +217,6 @@ function spaceStage(canvas, theme, laneColour) {
     whenTurned: redraw => controls.addEventListener("change", redraw),
     zoom: allowed => { controls.enableZoom = allowed; },
     follow: wanted => { following = wanted; },
-    legend: () => TONES,
     show(shown) {
       canvas.style.aspectRatio = 16 / 9;
       empty(cast);

@@ -12,9 +12,9 @@ third of the noise.
 from ethogram.studies.language.claims import claims
 from ethogram.studies.language.compute import cost, run
 from ethogram.studies.language.figures import figures
+from ethogram.studies.language.introduction import INTRODUCTION
 from ethogram.studies.language.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.language.tables import tables
-from ethogram.studies.language.words import INTRODUCTION
 
 TITLE = "Learning a language"
 QUESTION = (

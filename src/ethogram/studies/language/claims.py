@@ -129,7 +129,11 @@ def _worse_with_too_many(results: Results) -> ClaimSpec:
         test="R_val at e = 3 less that at e = 1 is below zero in each of the four settings.",
         parts=tuple(
             _return_part(
-                results, f"e = 3 - e = 1, {one.words}", one.learned(3), one.learned(1), "less than"
+                results,
+                f"e = 3 - e = 1, {one.description}",
+                one.learned(3),
+                one.learned(1),
+                "less than",
             )
             for one in SETTINGS
             if one.associations >= LARGE
@@ -144,7 +148,7 @@ def _optimal_best(results: Results) -> ClaimSpec:
     parts = [
         _return_part(
             results,
-            f"optimal - {1 + AT_LEAST_AS_GOOD} {learned.policy}, {one.words}",
+            f"optimal - {1 + AT_LEAST_AS_GOOD} {learned.policy}, {one.description}",
             one.optimal,
             learned,
             "at least",

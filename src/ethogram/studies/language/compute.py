@@ -5,13 +5,11 @@ in turn (their weights leave the cache), and need the memory of all at once.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import numpy as np
 import xarray as xr
-from jax import Array
-from jaxtyping import Float, Key
+from jaxtyping import Float
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
@@ -20,11 +18,19 @@ from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.specs import role_specs
 from ethogram.core.wrappers import unwrapped
+from ethogram.learners.base import Metrics
 from ethogram.learners.critic_input import input_count, network_sizes
 from ethogram.learners.maddpg import MADDPG, MADDPGState
-from ethogram.learners.train import Diverged, train
+from ethogram.learners.train import Diverged
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, plays
 from ethogram.studies.language.validation import MODES, Watched, watch, watched_bytes
+from ethogram.studies.training import (
+    Arrays,
+    learning_curve,
+    train_case,
+    training_points,
+    trials_in_turn,
+)
 from ethogram.worlds.language.scene import record
 
 COMPILE_SECONDS = 30.0
@@ -35,17 +41,7 @@ PLAY_SECONDS = 15e-6  # per agent and step of the episodes side by side, however
 LEARN_SECONDS = 4e-4  # per agent and update, however small
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
 RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
-REPLAY = "state.replay_buffer.rows"
-
-Arrays = dict[str, np.ndarray]
-
-
-class Trial(NamedTuple):
-    """How far a trial is."""
-
-    state: MADDPGState
-    played: int  # times
-    reward: Float[np.ndarray, "point"]  # summed over the episodes of each point so far
+BUFFER = "replay_buffer.rows"
 
 
 def cost(case: Case) -> Cost:
@@ -55,10 +51,7 @@ def cost(case: Case) -> Cost:
     """
     settings = case.parsed(Settings)
     learner, validated = learner_of(settings), settings.validation_episodes
-    training = plays(settings) * (
-        _play_seconds(learner, learner.episodes_per_update)
-        + learner.updates_per_iteration * _learn_seconds(learner)
-    )
+    training = plays(settings) * update_seconds(learner)
     watching = len(MODES) * _play_seconds(learner, 2 * validated)  # with noise and without
     recorded = settings.trials * (_points(settings) + 5 * validated)
     return Cost(
@@ -72,12 +65,18 @@ def cost(case: Case) -> Cost:
     )
 
 
+def update_seconds(learner: MADDPG) -> float:
+    """About how long an update takes: episodes side by side, then learning."""
+    playing = _play_seconds(learner, learner.episodes_per_update)
+    return playing + learner.updates_per_iteration * _learn_seconds(learner)
+
+
 def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Train and validate all trials of a case.
 
     Returns:
         `results` (dimensions trial, point, episode, talker, guided, target, word, listener) and
-        `scene`, the first trial's first validation episode.
+        `scene`, the last trial's first validation episode.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -86,114 +85,79 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """
     settings = case.parsed(Settings)
     learner = learner_of(settings)
-    require_memory(f"MADDPG with {condition_of(settings).words}", cost(case).bytes)
+    require_memory(f"MADDPG with {condition_of(settings).description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
-    finished, trial = _restore(learner, context.restore())
-    for number in range(len(finished), settings.trials):
-        key = keys[number]
-        begun = trial or _begin(learner, fold_in(key, 0), settings)
-        ended = _train(learner, fold_in(key, 1), begun, finished, settings, context)
-        watched = watch(learner, ended.state, fold_in(key, 2), settings.validation_episodes)
-        finished.append(_kept(ended, watched, settings))
-        trial = None
+    watched: Watched | None = None
+
+    def curves(metrics: Metrics) -> Arrays:
+        return {"return": _earned(learner, metrics["episode_return"])}
+
+    def one(number: int, context: Context) -> Arrays:
+        nonlocal watched
+        for_init, for_training, for_watching = (fold_in(keys[number], use) for use in range(3))
+        try:
+            state, found = train_case(
+                learner,
+                for_init,
+                for_training,
+                plays(settings),
+                context,
+                curves,
+                pack=_pack,
+                unpack=_unpack,
+            )
+        except Diverged as error:
+            raise Diverged(f"Trial {number}: {error}") from error
+        watched = watch(learner, state, for_watching, settings.validation_episodes)
+        return _kept(found["return"], watched, settings)
+
+    finished = trials_in_turn(settings.trials, context, one)
+    assert watched is not None  # the last trial is never in a checkpoint
     scene = record(watched.start, watched.states)
     return {"results": _label(finished, settings), "scene": scene.to_dataset()}
 
 
-def _train(
-    learner: MADDPG,
-    key: Key[Array, ""],
-    trial: Trial,
-    finished: Sequence[Arrays],
-    settings: Settings,
-    context: Context,
-) -> Trial:
-    """Train a trial to its end."""
-    reward, planned = trial.reward, plays(settings)
-
-    def after_chunk(played: int, state: MADDPGState, metrics: Any) -> None:
-        earned = _earned(learner, metrics["episode_return"])
-        last = played * learner.episodes_per_update
-        episode = np.arange(last - len(earned), last)
-        counted = episode < settings.episodes  # the last ones played may be more than asked for
-        np.add.at(reward, episode[counted] // settings.record_every, earned[counted])
-        context.progress(len(finished) * planned + played, settings.trials * planned)
-        context.checkpoint(lambda: _to_arrays(Trial(state, played, reward), finished))
-
-    try:
-        state, _ = train(
-            learner, key, planned, state=trial.state, start=trial.played, after_chunk=after_chunk
-        )
-    except Diverged as error:
-        raise Diverged(f"Trial {len(finished)}: {error}") from error
-    return Trial(state, planned, reward)
-
-
-def _earned(learner: MADDPG, returns: Arrays) -> Float[np.ndarray, "episode"]:
+def _earned(learner: MADDPG, returns: Arrays) -> Float[np.ndarray, "update episode"]:
     """Returns of all agents; talkers that learn nothing together earn as much as the movers do.
 
     Each robot is guided by one other, so every distance counts for one mover and one talker.
     """
-    total = sum(part.sum(-1) for part in returns.values()).reshape(-1)
+    total = sum(part.sum(-1) for part in returns.values())
     return total * (len(unwrapped(learner.world).roles) / len(returns))
 
 
-def _begin(learner: MADDPG, key: Key[Array, ""], settings: Settings) -> Trial:
-    return Trial(learner.init(key), 0, np.zeros(_points(settings)))
-
-
-def _kept(trial: Trial, watched: Watched, settings: Settings) -> Arrays:
+def _kept(
+    returns: Float[np.ndarray, "update episode"], watched: Watched, settings: Settings
+) -> Arrays:
     """What is stored of a trial."""
-    points = np.bincount(np.arange(settings.episodes) // settings.record_every)
-    words = condition_of(settings).alphabet + 1  # the rest is padding
+    words = condition_of(settings).vocabulary_size + 1  # the rest is padding
     kept = {name: np.asarray(getattr(watched, name)) for name in RETURNS}
+    # the last episodes played may be more than asked for
+    played = returns.reshape(-1)[: settings.episodes]
     return kept | {
-        "training": trial.reward / points,
+        "training": learning_curve(played, settings.record_every),
         "meaning": np.asarray(watched.meaning)[..., :words],
         "influence": np.asarray(watched.influence),
     }
 
 
-def _to_arrays(trial: Trial, finished: Sequence[Arrays]) -> Arrays:
-    """A case as a checkpoint; of the replay buffer, what is filled."""
-    arrays = {f"state.{name}": array for name, array in to_arrays(trial.state).items()}
-    filled = min(int(trial.state.replay_buffer.added), len(arrays[REPLAY]))
-    arrays |= {REPLAY: arrays[REPLAY][:filled], "played": np.array(trial.played)}
-    arrays["reward"] = trial.reward
-    for number, kept in enumerate(finished):
-        arrays |= {f"finished.{number}.{name}": array for name, array in kept.items()}
-    return arrays
+def _pack(state: MADDPGState) -> Arrays:
+    """A state for a checkpoint: of the replay buffer, what is filled."""
+    arrays = to_arrays(state)
+    filled = min(int(state.replay_buffer.added), len(arrays[BUFFER]))
+    return arrays | {BUFFER: arrays[BUFFER][:filled]}
 
 
-def _restore(learner: MADDPG, arrays: Arrays | None) -> tuple[list[Arrays], Trial | None]:
-    """The finished trials of a checkpoint, and the one that was in hand."""
-    if arrays is None:
-        return [], None
-    finished: list[Arrays] = []
-    while f"finished.{len(finished)}.meaning" in arrays:
-        start = f"finished.{len(finished)}."
-        finished.append(_under(start, arrays))
-    like = learner.init(jax.random.key(0))
-    found = _under("state.", arrays)
-    rows = "replay_buffer.rows"
-    empty = len(like.replay_buffer.rows) - len(arrays[REPLAY])
-    found[rows] = np.pad(found[rows], ((0, empty), (0, 0)))
-    trial = Trial(from_arrays(like, found), int(arrays["played"]), arrays["reward"])
-    return finished, trial
-
-
-def _under(start: str, arrays: Arrays) -> Arrays:
-    return {
-        name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)
-    }
+def _unpack(like: MADDPGState, arrays: Arrays) -> MADDPGState:
+    """The state that `_pack` was given."""
+    empty = like.replay_buffer.rows.shape[0] - len(arrays[BUFFER])
+    rows = np.pad(arrays[BUFFER], ((0, empty), (0, 0)))
+    return from_arrays(like, arrays | {BUFFER: rows})
 
 
 def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
     condition = condition_of(settings)
     found = {name: np.stack([kept[name] for kept in finished]) for name in finished[0]}
-    last = np.minimum(
-        np.arange(1, _points(settings) + 1) * settings.record_every, settings.episodes
-    )
     trial_episode = ("trial", "episode")
     return xr.Dataset(
         {f"{name}_return": (trial_episode, found[name].astype(np.float32)) for name in RETURNS}
@@ -202,12 +166,12 @@ def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
             "meaning": (("trial", "talker", "guided", "target", "word"), found["meaning"]),
             "influence": (("trial", "talker", "listener"), found["influence"]),
         },
-        coords={"point": ("point", last, {"long_name": "training episodes", "units": "episode"})},
+        coords={"point": training_points(settings.episodes, settings.record_every)},
         attrs={
             "robots": condition.robots,
             "targets": condition.targets,
             "talkers": condition.talkers,
-            "alphabet": condition.alphabet,
+            "vocabulary_size": condition.vocabulary_size,
             "silence": condition.silence,
             "discount": settings.learner.discount,
         },

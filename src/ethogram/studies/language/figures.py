@@ -215,7 +215,9 @@ def _learning(results: Results) -> Figure | None:
 
 def _words(results: Results) -> Figure | None:
     """What each talker of one trial says for each association that it can know."""
-    spoken = [at for at in results.by_condition if at.talkers == "learned" and at.alphabet > 0]
+    spoken = [
+        at for at in results.by_condition if at.talkers == "learned" and at.vocabulary_size > 0
+    ]
     if not spoken:
         return None
     condition = max(spoken, key=lambda at: (-abs(at.expressiveness - 1), at.associations))
@@ -228,7 +230,7 @@ def _words(results: Results) -> Figure | None:
     ]
     return Figure(
         name="words",
-        title=f"The words of a learned language: {condition.words}",
+        title=f"The words of a learned language: {condition.description}",
         caption="The first trial. A square's area is the probability of a word, for each "
         "association that a talker can know: two large squares in a column are a homonym, several "
         "in a row are synonyms.",
@@ -286,7 +288,7 @@ def _panels(
     for panel in panels.flat[len(settings) :]:
         panel.set_axis_off()
     for setting, panel in zip(settings, panels.flat, strict=False):
-        panel.set_title(setting.words)
+        panel.set_title(setting.description)
         rows += [(*setting, *row) for row in draw(panel, setting)]
     for panel in panels[-1]:
         panel.set_xlabel(labels[0])

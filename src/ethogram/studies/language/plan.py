@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.world import World
 from ethogram.core.wrappers import GivenPolicies
 from ethogram.learners.maddpg import MADDPG, PRESETS
 from ethogram.worlds.language import Language
@@ -28,7 +30,7 @@ class Condition(NamedTuple):
     robots: int  # n_r
     targets: int  # n_t
     talkers: Talkers  # learned, or one of the baselines of section 2.4.3
-    alphabet: int  # |W|
+    vocabulary_size: int  # |W|
     silence: bool = False  # whether talkers that have symbols may also be silent
 
     @property
@@ -39,16 +41,18 @@ class Condition(NamedTuple):
     @property
     def expressiveness(self) -> float:
         """Symbols per association: e = |W| / (n_r n_t)."""
-        return self.alphabet / self.associations
+        return self.vocabulary_size / self.associations
 
     @property
     def name(self) -> str:
         """The case's name: it goes into its random keys."""
-        talkers = f"{self.talkers}-{self.alphabet}" if self.talkers == "learned" else self.talkers
+        talkers = (
+            f"{self.talkers}-{self.vocabulary_size}" if self.talkers == "learned" else self.talkers
+        )
         return f"{self.robots}x{self.targets}-{talkers}{'-or-silence' if self.silence else ''}"
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The condition in words, for tables and notes."""
         return f"{self.robots} robots, {self.targets} targets, {self.policy}"
 
@@ -62,10 +66,17 @@ class Condition(NamedTuple):
 
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(Language):
+        """Those of the world."""
+
+    class LearnerSettings(MADDPG):
+        """Those of the learner, without its world."""
+
+        world: World = field(init=False)
+
 else:
-    WorldSettings = settings_of(Language, omit=("alphabet", "capacity"))
+    WorldSettings = settings_of(Language, omit=("vocabulary_size", "max_vocabulary_size"))
     LearnerSettings = settings_of(MADDPG)
 
 
@@ -76,7 +87,9 @@ class Settings:
     world: WorldSettings = Field(default_factory=WorldSettings)
     talkers: Talkers = "learned"
     expressiveness: Annotated[float, Field(ge=0, le=1000)] = 1.0  # |W| = floor(e n_r n_t)
-    room: Annotated[float, Field(ge=0, le=1000)] = 4.0  # languages up to it share a program
+    max_expressiveness: Annotated[float, Field(ge=0, le=1000)] = (
+        4.0  # languages up to it share a program
+    )
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
     episodes: Annotated[int, Field(ge=1, le=100_000_000)] = 20_000  # of training
     validation_episodes: Annotated[int, Field(ge=2, le=1_000_000)] = 1000
@@ -96,7 +109,7 @@ _FOUR = {"world.robots": (4,), "world.targets": (4,)}
 
 _TUNED = Settings(
     world=WorldSettings(observe_velocity=True),
-    room=1.0,
+    max_expressiveness=1.0,
     learner=LearnerSettings(**PRESETS["tuned"]),
 )
 
@@ -105,7 +118,7 @@ PLANS = {
         name="smoke",
         description="A few conditions for a moment, to see that everything works.",
         settings=Settings(
-            room=1.0,
+            max_expressiveness=1.0,
             learner=LearnerSettings(batch_size=16, learning_starts=32, hidden_size=8),
             episodes=48,
             validation_episodes=8,
@@ -117,7 +130,7 @@ PLANS = {
     "quick": Plan(
         name="quick",
         description="Two robots and two targets, few words, fewer episodes than the thesis.",
-        settings=Settings(room=1.0, episodes=8_000, trials=3),
+        settings=Settings(max_expressiveness=1.0, episodes=8_000, trials=3),
         grid={**_TWO, "talkers": TALKERS, "expressiveness": (0.0, 0.25, 1.0)},
     ),
     "excerpt": Plan(
@@ -127,7 +140,12 @@ PLANS = {
         settings=Settings(trials=3),
         grid={**_TWO, "talkers": TALKERS, "expressiveness": CURVE},
         further=(
-            {**_THREE, "talkers": TALKERS, "expressiveness": (0.0, *SELECTED), "room": (3.0,)},
+            {
+                **_THREE,
+                "talkers": TALKERS,
+                "expressiveness": (0.0, *SELECTED),
+                "max_expressiveness": (3.0,),
+            },
         ),
     ),
     "thesis": Plan(
@@ -151,16 +169,16 @@ PLANS = {
 
 def condition_of(settings: Settings) -> Condition:
     """The cell of the campaign that settings belong to."""
-    world, alphabet = settings.world, 0
+    world, vocabulary_size = settings.world, 0
     if settings.talkers == "optimal":
-        alphabet = world.robots * world.targets
+        vocabulary_size = world.robots * world.targets
     elif settings.talkers == "learned":
-        alphabet = alphabet_of(settings.expressiveness, world.robots * world.targets)
-    silence = world.allow_silence and alphabet > 0 and settings.talkers == "learned"
-    return Condition(world.robots, world.targets, settings.talkers, alphabet, silence)
+        vocabulary_size = vocabulary_size_of(settings.expressiveness, world.robots * world.targets)
+    silence = world.allow_silence and vocabulary_size > 0 and settings.talkers == "learned"
+    return Condition(world.robots, world.targets, settings.talkers, vocabulary_size, silence)
 
 
-def alphabet_of(expressiveness: float, associations: int) -> int:
+def vocabulary_size_of(expressiveness: float, associations: int) -> int:
     """|W| = floor(e n_r n_t)."""
     return math.floor(expressiveness * associations + ROUNDING)
 
@@ -183,13 +201,15 @@ def cases(plan: Plan[Settings]) -> list[Case]:
 
 def world_of(settings: Settings) -> Language:
     """The world of a case; learned languages have room for larger alphabets than their own."""
-    condition, capacity = condition_of(settings), 0
+    condition, max_vocabulary_size = condition_of(settings), 0
     if condition.talkers == "learned":
-        capacity = alphabet_of(settings.room, condition.associations)
+        max_vocabulary_size = vocabulary_size_of(
+            settings.max_expressiveness, condition.associations
+        )
     return Language(
         **dataclasses.asdict(settings.world),
-        alphabet=condition.alphabet,
-        capacity=max(capacity, condition.alphabet),
+        vocabulary_size=condition.vocabulary_size,
+        max_vocabulary_size=max(max_vocabulary_size, condition.vocabulary_size),
     )
 
 

@@ -8,10 +8,11 @@ import xarray as xr
 from jaxtyping import Float
 
 from ethogram.campaign.study import Records
-from ethogram.studies.language.plan import CURVE, SELECTED, Condition, alphabet_of
-from ethogram.studies.statistics import Support, Trials, bounded, support_of
+from ethogram.studies import chapter
+from ethogram.studies.chapter import Measure
+from ethogram.studies.language.plan import CURVE, SELECTED, Condition, vocabulary_size_of
+from ethogram.studies.statistics import Support, Trials, bounded
 
-Measure = Callable[[xr.Dataset], np.ndarray]  # -> [trial]
 Metric = Callable[[np.ndarray], np.ndarray | float]  # of one trial's `meaning`: see `metrics`
 
 CLOSE = 0.05  # of the final learning reward: "95%"
@@ -30,13 +31,13 @@ class Setting(NamedTuple):
         return self.robots * self.targets
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """For labels."""
         return f"{self.robots} robots, {self.targets} targets"
 
     def learned(self, expressiveness: float) -> Condition:
         """Learned talkers with |W| = floor(e n_r n_t)."""
-        return Condition(*self, "learned", alphabet_of(expressiveness, self.associations))
+        return Condition(*self, "learned", vocabulary_size_of(expressiveness, self.associations))
 
     @property
     def optimal(self) -> Condition:
@@ -61,10 +62,8 @@ class Setting(NamedTuple):
 SETTINGS = tuple(Setting(robots, targets) for robots in (2, 3, 4) for targets in (2, 3, 4))
 
 
-class Results(NamedTuple):
+class Results(chapter.Results[Condition]):
     """The stored results by condition."""
-
-    by_condition: dict[Condition, xr.Dataset]
 
     @classmethod
     def of(cls, records: Records) -> "Results":
@@ -82,13 +81,6 @@ class Results(NamedTuple):
     def training_episodes(self) -> int:
         """For how long policies were trained, at least."""
         return min((int(data["point"][-1]) for data in self.by_condition.values()), default=0)
-
-    def trials(self, measure: Measure, condition: Condition) -> Trials:
-        """One number per trial of a condition, or word that it was not run."""
-        data = self.by_condition.get(condition)
-        if data is None:
-            return Trials(condition.words, None)
-        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
 
     def settings_with(self, expressiveness: Sequence[float]) -> list[Setting]:
         """The settings of which learned talkers with each of these e were run.
@@ -130,7 +122,7 @@ class Results(NamedTuple):
     def best_learned(self, setting: Setting) -> Trials:
         """R_val of the alphabet that is best on average over trials."""
         if setting not in self.settings_with(CURVE):
-            return Trials(f"{setting.words}, every |W|", None)
+            return Trials(f"{setting.description}, every |W|", None)
         curve = setting.curve()
         mean = [validation_return(self.by_condition[condition]).mean() for condition in curve]
         return self.trials(validation_return, curve[int(np.argmax(mean))])
@@ -196,11 +188,11 @@ def influence(data: xr.Dataset) -> np.ndarray:
 
 def _condition(attrs: Mapping[str, Any]) -> Condition:
     """What results say that they are of, in plain numbers however they were written down."""
-    robots, targets, talkers, alphabet, silence = (attrs[name] for name in Condition._fields)
-    return Condition(int(robots), int(targets), talkers, int(alphabet), bool(silence))
+    robots, targets, talkers, vocabulary_size, silence = (attrs[name] for name in Condition._fields)
+    return Condition(int(robots), int(targets), talkers, int(vocabulary_size), bool(silence))
 
 
 def _place(condition: Condition) -> tuple[int, int, bool, bool, int]:
     """Where a condition stands in a table: baselines before the learned, by size."""
-    robots, targets, talkers, alphabet, silence = condition
-    return robots, targets, silence, talkers == "learned", alphabet
+    robots, targets, talkers, vocabulary_size, silence = condition
+    return robots, targets, silence, talkers == "learned", vocabulary_size

@@ -6,11 +6,12 @@ import numpy as np
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Cell, Measured, Table
+from ethogram.studies.chapter import Measure
 from ethogram.studies.language import metrics
 from ethogram.studies.language import results as measure
 from ethogram.studies.language.plan import SELECTED
 from ethogram.studies.language.published import THOUSAND_EPISODES, VALIDATION_REWARD
-from ethogram.studies.language.results import Measure, Results
+from ethogram.studies.language.results import Results
 from ethogram.studies.statistics import Trials, measured
 
 SETTING = ("n_r", "n_t")  # columns
@@ -52,7 +53,7 @@ def _table_2_2(results: Results) -> Table:
             value = measured(trials, published=mean)
             if value is not None:
                 spread = _deviation(trials, deviation)
-                rows.append((*setting, f"{e:g}", condition.alphabet, value, spread))
+                rows.append((*setting, f"{e:g}", condition.vocabulary_size, value, spread))
     return Table(
         name="table-2-2",
         title="Table 2.2: Validation reward for selected values of expressiveness",

@@ -163,7 +163,7 @@ def influence(
     world = unwrapped(learner.world)
     assert isinstance(world, Language)
     met = jax.tree.map(lambda part: part[:LISTENED].reshape(-1, *part.shape[2:]), states)
-    words = jnp.eye(world.capacity + 1)
+    words = jnp.eye(world.max_vocabulary_size + 1)
 
     def listen(
         met: State, talker: Int[Array, ""], word: Float[Array, "word"]
@@ -174,7 +174,7 @@ def influence(
     def influence_of(talker: Int[Array, ""]) -> Float[Array, "listener"]:
         over_words = jax.vmap(listen, (None, None, 0))
         moves = jax.vmap(over_words, (0, None, None))(met, talker, words)
-        prior = world.words / world.words.sum()
+        prior = world.vocabulary_mask / world.vocabulary_mask.sum()
         return jax.vmap(causal_influence, (2, None))(moves, prior)
 
     return lax.map(influence_of, jnp.arange(world.robots))

@@ -12,9 +12,9 @@ Deviations from the thesis are those of the world (`ethogram.worlds.publishing`)
 from ethogram.studies.publishing.claims import claims
 from ethogram.studies.publishing.compute import cost, run
 from ethogram.studies.publishing.figures import figures
+from ethogram.studies.publishing.introduction import INTRODUCTION
 from ethogram.studies.publishing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.publishing.tables import tables
-from ethogram.studies.publishing.words import INTRODUCTION
 
 TITLE = "Indicators of authors and journals"
 QUESTION = (

@@ -16,12 +16,11 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.rollout import Policy
 from ethogram.core.scene import RECORDED, Scene
 from ethogram.core.world import PerRole, World
+from ethogram.learners.base import Metrics
 from ethogram.learners.qlearning import QLearning, QLearningState
-from ethogram.learners.train import train
 from ethogram.studies.publishing import records
 from ethogram.studies.publishing.condition import DEFAULT
 from ethogram.studies.publishing.plan import (
@@ -31,6 +30,7 @@ from ethogram.studies.publishing.plan import (
     policy_of,
     world_of,
 )
+from ethogram.studies.training import Arrays, train_case
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.indicators import INDICATORS
 from ethogram.worlds.publishing.learnable import Learnable
@@ -102,20 +102,24 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """
     settings = case.parsed(Settings)
     condition = condition_of(settings)
-    require_memory(f"The publishing system of {condition.words}", cost(case).bytes)
+    require_memory(f"The publishing system of {condition.description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
     curve: np.ndarray | None = None
     if learner is None:
         watched = _watch(world_of(settings), Always(policy_of(settings)), fold_in(keys, 1))
     else:
-        state, curve = _train(learner, fold_in(keys, 0), settings, context)
+        for_training = fold_in(keys, 0)
+        state, curves = train_case(
+            learner, for_training, for_training, settings.episodes, context, _curves
+        )
+        curve = curves["return"]
         watched = _watch(learner.world, Greedy(learner, state), fold_in(keys, 1))
     played = jax.tree.map(np.asarray, watched)
     found = {"results": _label(settings, played, curve)}
     if condition.reading == DEFAULT:
         first = range(min(RECORDED, settings.trials))
-        shown = (_scene(condition.words, played, trial) for trial in first)
+        shown = (_scene(condition.description, played, trial) for trial in first)
         found |= records.scenes(shown, settings.world.steps_per_year)
     return found
 
@@ -207,7 +211,7 @@ def _look(world: Publishing, state: State, most: int) -> Year:
     quality = level * (world.quality_max / TOP)
     none = jnp.zeros(world.journals)
     return Year(
-        indicators={name: INDICATORS.get(name).measure(state) for name in INDICATORS.names()},
+        indicators={name: INDICATORS[name].measure(state) for name in INDICATORS},
         papers=none.astype(int).at[journal].add(1, mode="drop"),
         quality=none.at[journal].add(quality, mode="drop"),
         histogram=jnp.zeros(QUALITY_BINS, int).at[bin_].add(1, mode="drop"),
@@ -215,27 +219,9 @@ def _look(world: Publishing, state: State, most: int) -> Year:
     )
 
 
-def _train(
-    learner: QLearning, keys: Key[Array, "trial"], settings: Settings, context: Context
-) -> tuple[QLearningState, np.ndarray]:
-    """Train, from the last checkpoint if there is one; return what was earned per episode."""
-    state, curve = learner.init(keys), np.zeros((0, settings.trials))
-    found = context.restore()
-    if found is not None:
-        curve = found.pop("curve")
-        state = from_arrays(state, found)
-
-    def after_chunk(done: int, state: QLearningState, metrics: Any) -> None:
-        nonlocal curve
-        ((_, return_),) = metrics["episode_return"].items()
-        curve = np.concatenate([curve, return_[:, :, 0].mean(2)])
-        context.progress(done, settings.episodes)
-        context.checkpoint(lambda: to_arrays(state) | {"curve": curve})
-
-    state, _ = train(
-        learner, keys, settings.episodes, state=state, start=len(curve), after_chunk=after_chunk
-    )
-    return state, curve
+def _curves(metrics: Metrics) -> Arrays:
+    ((_, return_),) = metrics["episode_return"].items()
+    return {"return": return_[:, :, 0].mean(2)}
 
 
 def _label(settings: Settings, played: Played, curve: np.ndarray | None) -> xr.Dataset:

@@ -17,7 +17,7 @@ class Size(NamedTuple):
     papers: int
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The size in words."""
         return f"{self.authors} authors, {self.journals} journals and {self.papers} papers at first"
 
@@ -48,7 +48,7 @@ class Condition:
         return f"{self.author} authors, {self.editor.replace('_', '-')} editors"
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The condition in words, for tables and notes."""
         size = "" if self.size == SMALL else f", {self.size.authors} authors"
         reading = "" if self.reading == DEFAULT else f", {self.reading.replace('_', ' ')}"

@@ -136,7 +136,7 @@ def _grid(results: Results, at: Condition) -> Figure:
     runs = data.sizes["trial"]
     return Figure(
         name=name,
-        title=f"{f'Figure {number}: ' if number else ''}{at.words}",
+        title=f"{f'Figure {number}: ' if number else ''}{at.description}",
         caption="Distributions and, over authors or journals, pairs at the end of a year, of the "
         "first run. Quality of a journal: mean of all that it has published. Last column: the mean "
         "of a distribution, or the correlation of a pair, against years (of the h-index: those of "

@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -12,6 +13,7 @@ from ethogram.campaign.settings_json import flatten, to_json
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.world import World
 from ethogram.core.wrappers import RolePolicies, RolePolicy
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.schedules import ExponentialDecay
@@ -43,9 +45,18 @@ VERSION = "4"  # goes up whenever the same settings would give other numbers
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    ExplorationSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(Publishing):
+        """Those of the world."""
+
+    class ExplorationSettings(ExponentialDecay):
+        """Those of the schedule."""
+
+    class LearnerSettings(QLearning):
+        """Those of the learner, without its world."""
+
+        world: World = field(init=False)
+
 else:
     WorldSettings = settings_of(Publishing)
     ExplorationSettings = settings_of(ExponentialDecay)

@@ -78,7 +78,7 @@ def results(
         of = "bin" if name == "histogram" else "journal"
         found[name] = (("trial", "year", of), compact(np.add.reduceat(flow, first, axis=1)))
     for name, values in indicators.items():
-        of = INDICATORS.get(name).of
+        of = INDICATORS[name].of
         if name != PAPERS:
             at = years.authors if of == "author" else years.journals
             found[f"indicator.{name}"] = (("trial", f"{of}_year", of), compact(values[:, at]))

@@ -6,10 +6,10 @@ or the journals, that have both numbers; it is not a number where fewer than thr
 either does not vary.  Which years are kept stands with `records`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -17,12 +17,13 @@ from jaxtyping import Float, Int
 from scipy.stats import rankdata
 
 from ethogram.campaign.study import Records
+from ethogram.studies import chapter
+from ethogram.studies.chapter import Measure
 from ethogram.studies.publishing.condition import SCENARIOS, Condition, Size
 from ethogram.studies.publishing.readings import OF_LEARNED, READINGS
 from ethogram.studies.publishing.records import COUNTED_YEARS, LAST_YEARS, PAPERS
-from ethogram.studies.statistics import Support, Trials, bounded, support_of
+from ethogram.studies.statistics import Support, bounded
 
-Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 Kind = Literal["pearson", "spearman"]
 Years = Literal["all", "simulated", "last five", "last"]  # all: with the initial papers
 Of = Literal["published", "counted"]  # a journal's papers: all, or those its impact factor counts
@@ -32,10 +33,8 @@ LEAST = 3  # numbers that a correlation needs
 DRAWS = 1000  # of years in which papers go anywhere
 
 
-class Results(NamedTuple):
+class Results(chapter.Results[Condition]):
     """The stored results by condition, in the order of the figures."""
-
-    by_condition: dict[Condition, xr.Dataset]
 
     @classmethod
     def of(cls, records: Records) -> "Results":
@@ -43,33 +42,21 @@ class Results(NamedTuple):
         found = {condition_in(groups["results"].attrs): groups for groups in records.values()}
         return cls({at: found[at]["results"] for at in sorted(found, key=_place)})
 
-    def trials(self, measure: Measure, condition: Condition) -> Trials:
-        """One number per run of a condition, or word that it was not run."""
-        data = self.by_condition.get(condition)
-        if data is None:
-            return Trials(self._missing(condition), None)
-        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
-
-    def _missing(self, condition: Condition) -> str:
+    def missing(self, condition: Condition) -> str:
         """A condition that was not run, with its size if it was run in others."""
         sizes = [
-            at.size.words
+            at.size.description
             for at in self.by_condition
             if replace(at, size=condition.size) == condition
         ]
         if not sizes:
-            return condition.words
-        return f"{condition.policies} with {condition.size.words} (run: {', '.join(sizes)})"
+            return condition.description
+        return f"{condition.policies} with {condition.size.description} (run: {', '.join(sizes)})"
 
     @property
     def readings(self) -> list[str]:
         """Under which anything was run."""
         return list(dict.fromkeys(at.reading for at in self.by_condition))
-
-    def least(self, attribute: str, conditions: tuple[Condition, ...]) -> int | None:
-        """The least number of years, steps or episodes with which any of some was run."""
-        run = [self.by_condition[at] for at in conditions if at in self.by_condition]
-        return min((int(data.attrs[attribute]) for data in run), default=None)
 
 
 def indicator(data: xr.Dataset, name: str) -> Float[np.ndarray, "trial kept agent"]:

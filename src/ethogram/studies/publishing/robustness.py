@@ -11,6 +11,7 @@ from functools import partial
 from typing import NamedTuple
 
 from ethogram.core.findings import Claim
+from ethogram.studies.chapter import Measure
 from ethogram.studies.publishing.condition import (
     BIG,
     DEFAULT,
@@ -21,7 +22,6 @@ from ethogram.studies.publishing.condition import (
 )
 from ethogram.studies.publishing.readings import OF_LEARNED, READINGS, words_of
 from ethogram.studies.publishing.results import (
-    Measure,
     Results,
     last_correlation,
     papers_and_quality,
@@ -37,7 +37,7 @@ Judged = dict[int, Claim]  # by number
 class Row(NamedTuple):
     """The claims that something concerns, judged with it."""
 
-    words: str  # what is otherwise
+    description: str  # what is otherwise
     claims: Judged
     beside: Judged  # without it
 
@@ -45,7 +45,7 @@ class Row(NamedTuple):
 class Change(NamedTuple):
     """One thing that is otherwise in the tests of all scenarios."""
 
-    words: str
+    description: str
     concerns: tuple[int, ...]  # claims
     choices: Choices = AS_STATED
     reading: str = DEFAULT  # of those who learn
@@ -102,7 +102,7 @@ def rows(results: Results) -> list[Row]:
         scenarios = [_learning(at, change.reading) for at in SCENARIOS]
         judged = _judged(specs(results, scenarios, change.choices))
         concerned = {number: judged[number] for number in change.concerns if number in judged}
-        found.append(Row(change.words, concerned, stated))
+        found.append(Row(change.description, concerned, stated))
     small = {reading: _judged(specs(results, _small(reading))) for reading in READINGS}
     found.append(Row(ALONE, small[DEFAULT], stated))
     for reading in READINGS:

@@ -24,6 +24,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ethogram.core.findings import Side
+from ethogram.studies.chapter import Measure, attribute
 from ethogram.studies.publishing.condition import (
     MILD,
     SMALL,
@@ -35,7 +36,6 @@ from ethogram.studies.publishing.condition import (
 )
 from ethogram.studies.publishing.history import STATED, history
 from ethogram.studies.publishing.results import (
-    Measure,
     Results,
     growth,
     last_correlation,
@@ -119,7 +119,7 @@ def _random_spreads(
         "minded": ("more than", CONCENTRATED),
     }
     parts = [
-        _part(results, f"share, {at.words}", choices.share, at, *sides[at.author], SHARE)
+        _part(results, f"share, {at.description}", choices.share, at, *sides[at.author], SHARE)
         for author in sides
         for at in named
         if at.author == author
@@ -165,9 +165,19 @@ def _strict_declines(
     parts = []
     for at in strict:
         parts += [
-            _part(results, f"papers, {at.words}", growth, at, "less than", 0.0, SHARE),
-            _part(results, f"centre, {at.words}", off_centre, at, "within", NEAR, "of the range"),
-            _part(results, f"skewness, {at.words}", skewness, at, "within", SYMMETRIC, "skewness"),
+            _part(results, f"papers, {at.description}", growth, at, "less than", 0.0, SHARE),
+            _part(
+                results, f"centre, {at.description}", off_centre, at, "within", NEAR, "of the range"
+            ),
+            _part(
+                results,
+                f"skewness, {at.description}",
+                skewness,
+                at,
+                "within",
+                SYMMETRIC,
+                "skewness",
+            ),
         ]
     return ClaimSpec(
         number=5,
@@ -228,7 +238,7 @@ def _parts(
     """A part for each scenario: where the correlation of an indicator with quality lies."""
     measure, words = choices.correlation(name), name.replace("_", " ")
     return tuple(
-        _part(results, f"{words}, {at.words}", measure, at, side, margin, CORRELATION)
+        _part(results, f"{words}, {at.description}", measure, at, side, margin, CORRELATION)
         for at in scenarios
     )
 
@@ -265,11 +275,11 @@ def _needs(results: Results, scenarios: Sequence[Condition]) -> tuple[Need, ...]
     return tuple(
         Need(
             verb=f"{verb} for",
-            unit=attribute.replace("_", " "),
+            unit=size.replace("_", " "),
             needed=needed,
-            run=results.least(attribute, tuple(of)),
+            run=results.least(attribute(size), of),
         )
-        for attribute, of, verb, needed in (
+        for size, of, verb, needed in (
             ("years", scenarios, "simulated", YEARS),
             ("steps_per_year", scenarios, "simulated", STEPS_PER_YEAR),
             ("episodes", learn, "trained", EPISODES),

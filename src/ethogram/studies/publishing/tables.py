@@ -6,12 +6,12 @@ import numpy as np
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Cell, Measured, Table
+from ethogram.studies.chapter import Measure
 from ethogram.studies.publishing import robustness
 from ethogram.studies.publishing.condition import DEFAULT, FIGURES, Condition
 from ethogram.studies.publishing.readings import words_of
 from ethogram.studies.publishing.results import (
     Kind,
-    Measure,
     Of,
     Results,
     acceptance,

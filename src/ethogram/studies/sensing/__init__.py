@@ -12,9 +12,9 @@ controllers (`ethogram.worlds.softbody.controllers`), of the learner
 from ethogram.studies.sensing.claims import claims
 from ethogram.studies.sensing.compute import cost, run
 from ethogram.studies.sensing.figures import figures
+from ethogram.studies.sensing.introduction import INTRODUCTION
 from ethogram.studies.sensing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.sensing.tables import tables
-from ethogram.studies.sensing.words import INTRODUCTION
 
 TITLE = "Sensing while crawling"
 QUESTION = (

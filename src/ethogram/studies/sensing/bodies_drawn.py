@@ -19,7 +19,6 @@ FACES = (  # of a cube: the neighbour that would hide it, its colour in light fr
     ((1, 0, 0), "#4a8fbd", ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1))),
     ((0, -1, 0), "#7fb8dc", ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1))),
 )
-TINTS = ("#0072b2", "#bdbab1", "#d55e00")  # of a scene's palette: contracted, at rest, expanded
 CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])  # of a square, in half edges
 MILLIMETRES = 1000.0  # in a metre, the unit of scenes
 ACROSS = 4  # frames in a row
@@ -96,11 +95,11 @@ def draw_strip(scene: Scene, frames: Sequence[int]) -> tuple[str, list[Row]]:
         panel.set_xlabel("x (mm)")
     drawing.legend(
         handles=[
-            Patch(facecolor=colour, edgecolor=INK, lw=0.5, label=word)
-            for colour, word in zip(TINTS, scene.palette, strict=False)
+            Patch(facecolor=tint.colour, edgecolor=INK, lw=0.5, label=tint.label)
+            for tint in scene.palette
         ],
         loc="outside upper left",
-        ncols=len(TINTS),
+        ncols=len(scene.palette),
         borderaxespad=0.2,
     )
     return svg(drawing), [row for frame in frames for row in _rows(scene, frame)]
@@ -114,8 +113,9 @@ def _draw_frame(
 
     for shape in np.argsort(-scene.position[frame, :, 1], kind="stable"):
         tint = int(scene.tint[frame, shape])
-        if 0 <= tint < len(TINTS):
-            panel.add_patch(Polygon(corners[shape], facecolor=TINTS[tint], edgecolor=INK, lw=0.6))
+        if tint >= 0:
+            colour = scene.palette[tint].colour
+            panel.add_patch(Polygon(corners[shape], facecolor=colour, edgecolor=INK, lw=0.6))
     panel.set_title(scene.captions[frame] if scene.captions else "", fontweight="normal")
 
 
@@ -157,7 +157,7 @@ def _rows(scene: Scene, frame: int) -> list[Row]:
             float(place[shape, 2]),
             float(angle[shape]),
             float(edge[shape]),
-            scene.palette[int(scene.tint[frame, shape])],
+            scene.palette[int(scene.tint[frame, shape])].label,
         )
         for shape in range(len(scene.shapes))
     ]

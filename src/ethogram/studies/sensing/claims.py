@@ -28,6 +28,7 @@ import numpy as np
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim, Side
+from ethogram.studies.chapter import attribute
 from ethogram.studies.sensing.behaviour import silhouettes, spreads
 from ethogram.studies.sensing.condition import (
     FITNESS,
@@ -51,8 +52,8 @@ from ethogram.studies.statistics import (
     Part,
     Terms,
     Trials,
-    contributions,
     difference,
+    jackknife_pseudovalues,
     judge,
     tests_revised,
 )
@@ -270,21 +271,23 @@ def _leads_compared(results: Results, output: str, surface: str, scenario: str) 
 
 def _silhouettes(results: Results, kinds: Sequence[Condition], place: int) -> Terms:
     """The mean silhouette of the runs of one of two conditions, as what each run does to it."""
-    names = [f"{at.words} (silhouettes)" for at in kinds]
+    names = [f"{at.description} (silhouettes)" for at in kinds]
     values = [results.trials(distance(FITNESS), at).values for at in kinds]
     undefined = [None if each is None else np.full(len(each), np.nan) for each in values]
     found: Sequence[np.ndarray | None] = undefined
     if results.comparable(*kinds):
         runs = [results.behaviours(at, FITNESS) for at in kinds]
         if min(map(len, runs)) >= JACKKNIFED and all(np.isfinite(each).all() for each in runs):
-            found = contributions(lambda a, b: float(silhouettes(a, b)[place].mean()), *runs)
+            found = jackknife_pseudovalues(
+                lambda a, b: float(silhouettes(a, b)[place].mean()), *runs
+            )
     return tuple((1.0, Trials(name, each)) for name, each in zip(names, found, strict=True))
 
 
 def _spread(results: Results, at: Condition) -> Trials:
     if at not in results.by_condition:
-        return Trials(at.words, None)
-    return Trials(at.words, spreads(results.behaviours(at, FITNESS)))
+        return Trials(at.description, None)
+    return Trials(at.description, spreads(results.behaviours(at, FITNESS)))
 
 
 def _needs(
@@ -295,7 +298,7 @@ def _needs(
         at for body in bodies for at in (non_sensing(body, surface), sensing(body, output, surface))
     ]
     return tuple(
-        Need(verb=verb, unit=unit, needed=needed, run=results.least(unit, compared))
+        Need(verb=verb, unit=unit, needed=needed, run=results.least(attribute(unit), compared))
         for verb, unit, needed in (
             ("evolved for", "generations", GENERATIONS),
             ("simulated for", "steps", STEPS),

@@ -15,13 +15,11 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.rollout import Policy
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.learners.base import Trials
+from ethogram.learners.base import Metrics, Trials
 from ethogram.learners.evolution import AgeFitness, Evaluation, Population, best
 from ethogram.learners.evolution.age_fitness import generation_bytes
-from ethogram.learners.train import train
 from ethogram.physics.beams3d import State, centre
 from ethogram.studies.sensing.condition import SCENARIOS
 from ethogram.studies.sensing.plan import (
@@ -30,6 +28,7 @@ from ethogram.studies.sensing.plan import (
     controller_of,
     world_of,
 )
+from ethogram.studies.training import Arrays, train_case
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.bodies import text_of
 from ethogram.worlds.softbody.controllers import Controller, policy
@@ -113,15 +112,29 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
 
     """
     settings = case.parsed(Settings)
-    require_memory(f"Evolution of {condition_of(settings).words}", cost(case).bytes)
+    require_memory(f"Evolution of {condition_of(settings).description}", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
-    population, curves = _evolve(learner_of(settings), keys, settings, context)
+    learner = learner_of(settings)
+
+    def first_generation(population: Population) -> Arrays:
+        metrics = jax.vmap(learner.metrics)(population)
+        return {name: np.asarray(metrics[name])[None] for name in CURVES}
+
+    population, curves = train_case(
+        Trials(learner),
+        fold_in(keys, 0),
+        fold_in(keys, 1),
+        settings.generations,
+        context,
+        _curves,
+        initial=first_generation,
+    )
     genome, _ = jax.vmap(best)(population)
     found = jax.tree.map(np.asarray, _validate(settings, genome))
     material = world_of(settings).material
     scenes = [
         scene_of_poses(
-            condition_of(settings).words,
+            condition_of(settings).description,
             Pose(*(frames[..., trial] for frames in found.recorded["first"])),
             resting=float(material.edge),
             seconds=settings.record_every * float(material.time_step),
@@ -144,37 +157,8 @@ def learner_of(settings: Settings) -> AgeFitness:
     )
 
 
-def _evolve(
-    learner: AgeFitness, keys: Key[Array, "trials"], settings: Settings, context: Context
-) -> tuple[Population, dict[str, np.ndarray]]:
-    """The last population of each trial, and curves; goes on from the last checkpoint."""
-    trials = Trials(learner)
-    found = context.restore()
-    if found is None:
-        population = eqx.filter_jit(trials.init)(fold_in(keys, 0))
-        metrics = jax.vmap(learner.metrics)(population)
-        curves = {name: np.asarray(metrics[name])[None] for name in CURVES}
-    else:
-        curves = {name: found.pop(f"curve.{name}") for name in CURVES}
-        population = from_arrays(jax.eval_shape(trials.init, keys), found)
-
-    def after_chunk(done: int, population: Population, metrics: Any) -> None:
-        for name in curves:
-            curves[name] = np.concatenate([curves[name], metrics[name]])
-        context.progress(done, settings.generations)
-        context.checkpoint(
-            lambda: to_arrays(population) | {f"curve.{name}": c for name, c in curves.items()}
-        )
-
-    population, _ = train(
-        trials,
-        fold_in(keys, 1),
-        settings.generations,
-        state=population,
-        start=len(curves["best"]) - 1,
-        after_chunk=after_chunk,
-    )
-    return population, curves
+def _curves(metrics: Metrics) -> Arrays:
+    return {name: metrics[name] for name in CURVES}
 
 
 def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> SimulationResult:

@@ -42,7 +42,7 @@ class Condition:
         return f"{self.controller} ({self.law_words})"
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The condition in words, for tables and notes."""
         return f"{self.body}, {self.kind}, {self.surface} surface"
 

@@ -157,7 +157,7 @@ def _frames(results: Results) -> Figure | None:
     drawing, rows = draw_strip(scene, frames)
     return Figure(
         name="figure-5-3",
-        title=f"Figure 5.3: Frames of a moving robot: {at.words}",
+        title=f"Figure 5.3: Frames of a moving robot: {at.description}",
         caption="The best robot of the first run at the end of its simulation, from the side, "
         "in the same place in all frames; time and distance from the start above. Squares have "
         "the edge that is commanded to their voxel. The line is the floor.",

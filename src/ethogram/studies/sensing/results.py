@@ -4,8 +4,9 @@ Distances are in mm.  A run whose best robot diverged has no finite distance: me
 tables say so, and a claim that needs it is left undecided.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,6 +16,8 @@ from scipy.stats import mannwhitneyu
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Measured
 from ethogram.learners.evolution import WORST_FITNESS
+from ethogram.studies import chapter
+from ethogram.studies.chapter import Measure
 from ethogram.studies.sensing.behaviour import Behaviours, behaviours
 from ethogram.studies.sensing.condition import (
     FITNESS,
@@ -30,20 +33,17 @@ from ethogram.studies.statistics import (
     Support,
     Trials,
     bounded,
-    contributions,
+    jackknife_pseudovalues,
     measured,
-    support_of,
 )
-
-Measure = Callable[[xr.Dataset], np.ndarray]  # -> [run]
 
 MILLIMETRES = 1000.0  # in a metre
 
 
-class Results(NamedTuple):
+@dataclass(frozen=True)
+class Results(chapter.Results[Condition]):
     """The stored results, and what the robots looked like, by condition."""
 
-    by_condition: dict[Condition, xr.Dataset]
     scenes: dict[Condition, xr.Dataset]
 
     @classmethod
@@ -75,13 +75,6 @@ class Results(NamedTuple):
         run = [at for at in self.on(surface) if at.body == body]
         return [at for at in run if self._times(at) == self._times(run[0])]
 
-    def trials(self, measure: Measure, condition: Condition) -> Trials:
-        """One number per run of a condition, or word that it was not run."""
-        data = self.by_condition.get(condition)
-        if data is None:
-            return Trials(condition.words, None)
-        return Trials(condition.words, measure(data).astype(float), support_of(measure, data))
-
     def behaviours(self, condition: Condition, scenario: str) -> Behaviours:
         """How the best robots of a condition that was run move (mm), run by run."""
         data = self.by_condition[condition]
@@ -92,11 +85,6 @@ class Results(NamedTuple):
         """Whether two conditions were run and their paths sampled at the same times."""
         both = {one, other} <= self.by_condition.keys()
         return both and self._times(one) == self._times(other)
-
-    def least(self, attribute: str, conditions: Iterable[Condition]) -> int | None:
-        """The least number of generations or steps with which any of some conditions was run."""
-        run = [self.by_condition[at] for at in conditions if at in self.by_condition]
-        return min((int(data.attrs[attribute]) for data in run), default=None)
 
     def _times(self, condition: Condition) -> list[float]:
         times: list[float] = self.by_condition[condition]["sample"].values.tolist()
@@ -175,7 +163,7 @@ def ratio(data: xr.Dataset, scenario: str, published: float | None = None) -> Me
         own = pairs[:, 0] / pairs[:, 1]
         value, low, high = _of_means(pairs), float(own.min()), float(own.max())
         return Measured(value=value, low=low, high=high, published=published, bounds="range")
-    (each,) = contributions(_of_means, pairs)
+    (each,) = jackknife_pseudovalues(_of_means, pairs)
     return measured(Trials(f"ratio, {scenario}", each), published=published)
 
 

@@ -288,5 +288,5 @@ def _undefined(results: Results, places: Sequence[Place]) -> str:
         values = results.trials(distance(scenario), at).values
         gone = 0 if values is None else int(np.count_nonzero(~np.isfinite(values)))
         if gone:
-            lacking.append(f"{gone} of {at.words}, {scenario}")
+            lacking.append(f"{gone} of {at.description}, {scenario}")
     return f" Left out, as the best robot diverged: {'; '.join(lacking)}." if lacking else ""

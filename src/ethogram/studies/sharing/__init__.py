@@ -11,9 +11,9 @@ Deviations from the thesis are those of the world (`ethogram.worlds.sharing`) an
 from ethogram.studies.sharing.claims import claims
 from ethogram.studies.sharing.compute import cost, run
 from ethogram.studies.sharing.figures import figures
+from ethogram.studies.sharing.introduction import INTRODUCTION
 from ethogram.studies.sharing.plan import NAME, PLANS, VERSION, cases
 from ethogram.studies.sharing.tables import tables
-from ethogram.studies.sharing.words import INTRODUCTION
 
 TITLE = "Sharing resources"
 QUESTION = "What does learning when to communicate do to the return of each agent and of the group?"

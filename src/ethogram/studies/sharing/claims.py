@@ -14,7 +14,9 @@ after less they are tested to show where they point, and left undecided.
 from functools import partial
 from typing import NamedTuple
 
+from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim, Side
+from ethogram.studies.chapter import Measure
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import SHOWN
 from ethogram.studies.sharing.history import (
@@ -33,7 +35,7 @@ from ethogram.studies.sharing.plan import (
     Strategy,
     filling_word,
 )
-from ethogram.studies.sharing.results import CLOSE, Measure, Records, Results
+from ethogram.studies.sharing.results import CLOSE, Results
 from ethogram.studies.statistics import (
     ClaimSpec,
     Need,
@@ -61,7 +63,7 @@ class Setting(NamedTuple):
     observed: bool
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """For labels."""
         return f"{self.scenario}, filling {filling_word(self.observed)}"
 
@@ -123,7 +125,7 @@ def _lead_larger_when_hidden(results: Results) -> ClaimSpec:
         spread = partial(_lead, results, measure.training_inequality)
         spread_part = partial(Part, side="more than", margin=0.0, unit=SPREAD)
         parts += [
-            spread_part(label=f"lead in I, {hidden.words}", terms=spread(hidden, -1.0)),
+            spread_part(label=f"lead in I, {hidden.description}", terms=spread(hidden, -1.0)),
             spread_part(
                 label=f"lead in I, {I_SCALE} hidden - observed, {scenario}",
                 terms=spread(hidden, -I_SCALE) + spread(observed, 1.0),
@@ -208,7 +210,7 @@ def _random_worst(results: Results) -> ClaimSpec:
 def _settles(results: Results) -> ClaimSpec:
     settled = [
         Part(
-            label=f"settling: {condition.words}",
+            label=f"settling: {condition.description}",
             terms=((1.0, results.trials(measure.unsettled, condition)),),
             side="at most",
             margin=CLOSE * results.agents,
@@ -218,10 +220,10 @@ def _settles(results: Results) -> ClaimSpec:
     ]
     in_time, first = [], []
     for setting in EVERYWHERE:
-        always, *_ = _pair(results, measure.steps_to_optimum, setting, "always", "none")
+        always, *_ = _pair(results, measure.steps_to_optimum(setting[0]), setting, "always", "none")
         in_time.append(
             Part(
-                label=f"always reaches the optimum: {setting.words}",
+                label=f"always reaches the optimum: {setting.description}",
                 terms=((1.0, always),),
                 side="at most",
                 margin=SHOWN,
@@ -230,9 +232,9 @@ def _settles(results: Results) -> ClaimSpec:
         )
         first += [
             Part(
-                label=f"always before {other}: {setting.words}",
+                label=f"always before {other}: {setting.description}",
                 terms=difference(
-                    *_pair(results, measure.steps_to_optimum, setting, "always", other)
+                    *_pair(results, measure.steps_to_optimum(setting[0]), setting, "always", other)
                 ),
                 side="at most",
                 margin=HALF_A_STEP,
@@ -322,7 +324,7 @@ def _when_they_speak(results: Results) -> ClaimSpec:
     changing = measure.share_of_act("change, speaking")
     parts = [
         Part(
-            label=condition.words,
+            label=condition.description,
             terms=difference(results.trials(more, condition), results.trials(less, condition)),
             side="more than",
             margin=0.0,
@@ -401,7 +403,7 @@ def _training_return(
     results: Results, setting: Setting, one: Strategy, other: Strategy, side: Side, sign: int
 ) -> Part:
     pair = _pair(results, measure.training_return, setting, one, other)
-    label = f"J({one}) - J({other}), {setting.words}"
+    label = f"J({one}) - J({other}), {setting.description}"
     return _return_part(results, label, pair, setting, side, sign)
 
 
@@ -409,7 +411,7 @@ def _training_spread(
     results: Results, setting: Setting, one: Strategy, other: Strategy, side: Side
 ) -> Part:
     pair = _pair(results, measure.training_inequality, setting, one, other)
-    return _spread_part(f"{I_SCALE} I({one}) - I({other}), {setting.words}", pair, side)
+    return _spread_part(f"{I_SCALE} I({one}) - I({other}), {setting.description}", pair, side)
 
 
 def _return_part(

@@ -1,25 +1,21 @@
 """Run a case: train its trials side by side, then watch them play greedily."""
 
 from operator import itemgetter
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax import Array
-from jaxtyping import Key
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.pytrees import from_arrays, to_arrays
 from ethogram.core.scene import RECORDED, grouped
-from ethogram.learners.qlearning import QLearning, QLearningState
-from ethogram.learners.train import train
-from ethogram.studies.sharing.plan import Settings, learner_of
+from ethogram.learners.base import Metrics
+from ethogram.studies.sharing.plan import Settings, condition_of, learner_of
 from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched, watch
+from ethogram.studies.training import Arrays, learning_curve, train_case, training_points
 from ethogram.worlds.sharing.reward import REWARDS
 from ethogram.worlds.sharing.scene import record
 
@@ -69,7 +65,10 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
     require_memory(f"Q-learning with {learner.size(settings.trials)}", cost(case).bytes)
-    state, curves = _train(learner, fold_in(keys, 0), settings, context)
+    for_training = fold_in(keys, 0)
+    state, curves = train_case(
+        learner, for_training, for_training, settings.episodes, context, _curves
+    )
     watched = watch(
         learner,
         state,
@@ -90,34 +89,9 @@ def _agent_steps(settings: Settings) -> int:
     return settings.trials * settings.world.steps * settings.world.agents
 
 
-def _train(
-    learner: QLearning, keys: Key[Array, "trials"], settings: Settings, context: Context
-) -> tuple[QLearningState, dict[str, np.ndarray]]:
-    """Train, from the last checkpoint if there is one; return the learning curves."""
-    points = -(-settings.episodes // settings.record_every)
-    sums = {name: np.zeros((points, settings.trials)) for name in ("return", "inequality")}
-    state, start = learner.init(keys), 0
-    found = context.restore()
-    if found is not None:
-        sums = {name: found.pop(f"sum.{name}") for name in sums}
-        state = from_arrays(state, found)
-        start = int(state.episode[0])
-
-    def after_chunk(done: int, state: QLearningState, metrics: Any) -> None:
-        return_ = metrics["episode_return"]["agent"][:, :, 0]
-        point = np.arange(done - len(return_), done) // settings.record_every
-        np.add.at(sums["return"], point, return_.mean(2))
-        np.add.at(sums["inequality"], point, inequality(return_))
-        context.progress(done, settings.episodes)
-        context.checkpoint(
-            lambda: to_arrays(state) | {f"sum.{name}": total for name, total in sums.items()}
-        )
-
-    state, _ = train(
-        learner, keys, settings.episodes, state=state, start=start, after_chunk=after_chunk
-    )
-    episodes = np.bincount(np.arange(settings.episodes) // settings.record_every)
-    return state, {name: total / episodes[:, None] for name, total in sums.items()}
+def _curves(metrics: Metrics) -> Arrays:
+    return_ = metrics["episode_return"]["agent"][:, :, 0]
+    return {"return": return_.mean(2), "inequality": inequality(return_)}
 
 
 def inequality(return_: np.ndarray) -> np.ndarray:
@@ -130,23 +104,22 @@ def inequality(return_: np.ndarray) -> np.ndarray:
 def payoff(settings: Settings) -> np.ndarray:
     """What a place pays when shared by 1 to n_a agents (figure 3.1)."""
     world = settings.world
-    reward = REWARDS[world.scenario]
+    reward = REWARDS[condition_of(settings).scenario]
     filling = jnp.arange(1, world.agents + 1.0)
     literal = world.reward == "literal"
-    return np.asarray(reward(filling, world.agents, world.resources, literal))
+    return np.asarray(reward(filling, world.agents, world.resources, literal=literal))
 
 
-def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) -> xr.Dataset:
-    points = len(curves["return"])
-    last = np.minimum(np.arange(1, points + 1) * settings.record_every, settings.episodes)
+def _label(curves: Arrays, watched: Watched, settings: Settings) -> xr.Dataset:
+    points = {
+        name: learning_curve(values, settings.record_every).T.astype(np.float32)
+        for name, values in curves.items()
+    }
     shown = slice(0, SHOWN)
     return xr.Dataset(
         {
-            "training_return": (("trial", "point"), curves["return"].T.astype(np.float32)),
-            "training_inequality": (
-                ("trial", "point"),
-                curves["inequality"].T.astype(np.float32),
-            ),
+            "training_return": (("trial", "point"), points["return"]),
+            "training_inequality": (("trial", "point"), points["inequality"]),
             "validation_return": (("trial", "episode", "agent"), watched.return_),
             "displacement": (("trial", "step"), watched.mean.displacement),
             "communication": (("trial", "step"), watched.mean.communication),
@@ -160,7 +133,7 @@ def _label(curves: dict[str, np.ndarray], watched: Watched, settings: Settings) 
             "payoff": (("filling",), payoff(settings)),
         },
         coords={
-            "point": ("point", last, {"long_name": "training episodes", "units": "episode"}),
+            "point": training_points(settings.episodes, settings.record_every),
             "step": ("step", np.arange(1, settings.world.steps + 1)),
             "act": ("act", list(ACTS)),
             "filling": ("filling", np.arange(1, settings.world.agents + 1)),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from ethogram.campaign.study import Records
 from ethogram.core.findings import Figure
 from ethogram.studies.plotting import (
     BOX_COLUMNS,
@@ -31,7 +32,7 @@ from ethogram.studies.sharing.plan import (
     Condition,
     filling_word,
 )
-from ethogram.studies.sharing.results import Records, Results
+from ethogram.studies.sharing.results import Results
 from ethogram.worlds.sharing.reward import Scenario
 
 if TYPE_CHECKING:  # slow to load, and only drawing needs it

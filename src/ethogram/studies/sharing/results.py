@@ -1,11 +1,13 @@
 """The measures of the chapter, one number per trial, taken from stored records."""
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
 
+from ethogram.campaign.study import Records
+from ethogram.studies import chapter
+from ethogram.studies.chapter import Measure
 from ethogram.studies.sharing.compute import SHOWN, inequality
 from ethogram.studies.sharing.earnings import Earnings, earnings
 from ethogram.studies.sharing.plan import (
@@ -16,37 +18,23 @@ from ethogram.studies.sharing.plan import (
     Strategy,
 )
 from ethogram.studies.sharing.validation import ACTS
-from ethogram.studies.statistics import Support, Trials, bounded, support_of
+from ethogram.studies.statistics import Support, bounded
 from ethogram.worlds.sharing.reward import Scenario
 
 END_OF_TRAINING = 0.1  # the last tenth of the episodes
 CLOSE = 0.05  # of the agents: a displacement this near to another one counts as the same
 
-Records = Mapping[str, Mapping[str, xr.Dataset]]
-Measure = Callable[[xr.Dataset, Condition], np.ndarray]  # -> [trial]
-Size = Callable[[xr.Dataset], int]
 
-
-class Results(NamedTuple):
+class Results(chapter.Results[Condition]):
     """The stored results by condition."""
-
-    by_condition: dict[Condition, xr.Dataset]
 
     @classmethod
     def of(cls, records: Records) -> "Results":
-        """Pick the results out of records keyed by case name; other cases are passed over."""
+        """Results of the records of known cases; others are passed over."""
         every = {condition.name: condition for condition in conditions()}
         return cls(
             {every[name]: groups["results"] for name, groups in records.items() if name in every}
         )
-
-    def trials(self, measure: Measure, condition: Condition) -> Trials:
-        """One number per trial of a condition, or word that it was not run."""
-        data = self.by_condition.get(condition)
-        if data is None:
-            return Trials(condition.words, None)
-        values = measure(data, condition).astype(float)
-        return Trials(condition.words, values, support_of(measure, data, condition))
 
     def earnings(self, scenario: Scenario) -> Earnings:
         """What agents can earn in a scenario, from random choices to the optimum; 0 if not run."""
@@ -60,16 +48,12 @@ class Results(NamedTuple):
         """What a single agent can earn at most: in every step but the first."""
         return max(
             (
-                _returns(data, condition).high
+                _returns(data).high
                 for condition, data in self.by_condition.items()
                 if condition.scenario == scenario
             ),
             default=0.0,
         )
-
-    def least(self, size: Size) -> int | None:
-        """The least number of something with which any condition was run; None without any."""
-        return min(map(size, self.by_condition.values()), default=None)
 
     @property
     def agents(self) -> int:
@@ -102,64 +86,64 @@ def episode_steps(data: xr.Dataset) -> int:
     return data.sizes["step"]
 
 
-def _returns(data: xr.Dataset, _: Condition) -> Support:
+def _returns(data: xr.Dataset) -> Support:
     """An agent earns the largest reward at most, in every step but the first."""
     return Support(low=0.0, high=(data.sizes["step"] - 1) * data.attrs["largest_reward"])
 
 
-def _deviations(data: xr.Dataset, condition: Condition) -> Support:
+def _deviations(data: xr.Dataset) -> Support:
     """Half of the agents earn all that can be earned, half nothing."""
     agents = max(2, data.attrs["agents"])
-    most = _returns(data, condition).high
+    most = _returns(data).high
     return Support(low=0.0, high=most / 2 * (agents / (agents - 1)) ** 0.5)
 
 
-def _shares(_: xr.Dataset, __: Condition) -> Support:
+def _shares(_: xr.Dataset) -> Support:
     return Support(low=0.0, high=1.0)
 
 
-def _displacements(data: xr.Dataset, _: Condition) -> Support:
+def _displacements(data: xr.Dataset) -> Support:
     agents, resources = data.attrs["agents"], data.attrs["resources"]
     return Support(low=0.0, high=best_displacement(agents, resources, "cooperative"))
 
 
-def _steps_shown(data: xr.Dataset, _: Condition) -> Support:
+def _steps_shown(data: xr.Dataset) -> Support:
     """Nobody looks at what comes after the steps shown."""
     return Support(low=2.0, high=2.0 + max(0, min(SHOWN, data.sizes["step"]) - 1), capped=True)
 
 
 @bounded(_returns)
-def training_return(data: xr.Dataset, _: Condition) -> np.ndarray:
+def training_return(data: xr.Dataset) -> np.ndarray:
     """J at the end of training (eq. 3.10)."""
     return _end_of_training(data["training_return"])
 
 
 @bounded(_deviations)
-def training_inequality(data: xr.Dataset, _: Condition) -> np.ndarray:
+def training_inequality(data: xr.Dataset) -> np.ndarray:
     """I at the end of training (eq. 3.11)."""
     return _end_of_training(data["training_inequality"])
 
 
 @bounded(_returns)
-def validation_return(data: xr.Dataset, _: Condition) -> np.ndarray:
+def validation_return(data: xr.Dataset) -> np.ndarray:
     """J in validation."""
     return data["validation_return"].values.mean((1, 2))
 
 
 @bounded(_deviations)
-def validation_inequality(data: xr.Dataset, _: Condition) -> np.ndarray:
+def validation_inequality(data: xr.Dataset) -> np.ndarray:
     """I in validation, averaged over episodes."""
     return inequality(data["validation_return"].values).mean(1)
 
 
 @bounded(_returns)
-def best_return(data: xr.Dataset, _: Condition) -> np.ndarray:
+def best_return(data: xr.Dataset) -> np.ndarray:
     """The highest individual return of any agent in any validation episode (Table 3.2)."""
     return data["validation_return"].values.max((1, 2))
 
 
 @bounded(_displacements)
-def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
+def unsettled(data: xr.Dataset) -> np.ndarray:
     """How far the displacement at step 10 is from its later mean; undefined without one."""
     displacement = data["displacement"].values
     later = displacement[:, SHOWN:]
@@ -168,36 +152,40 @@ def unsettled(data: xr.Dataset, _: Condition) -> np.ndarray:
     return np.abs(displacement[:, SHOWN - 1] - later.mean(1))
 
 
-@bounded(_steps_shown)
-def steps_to_optimum(data: xr.Dataset, condition: Condition) -> np.ndarray:
+def steps_to_optimum(scenario: Scenario) -> Measure:
     """The first step from which, up to step 10, the displacement stays close to the optimum.
 
     Counted from step 2, since nobody can be active at step 1; 11 where it never is; undefined
     in episodes of one step.  It is 11 as well for whoever comes there later: a cap.
     """
-    best = best_displacement(data.attrs["agents"], data.attrs["resources"], condition.scenario)
-    shown = data["displacement"].values[:, 1:SHOWN]
-    if shown.shape[1] == 0:
-        return np.full(len(shown), np.nan)
-    close = np.abs(shown - best) <= CLOSE * data.attrs["agents"]
-    staying = np.logical_and.accumulate(close[:, ::-1], 1)[:, ::-1]
-    return np.where(staying.any(1), 2 + staying.argmax(1), 2 + shown.shape[1])
+
+    @bounded(_steps_shown)
+    def measure(data: xr.Dataset) -> np.ndarray:
+        best = best_displacement(data.attrs["agents"], data.attrs["resources"], scenario)
+        shown = data["displacement"].values[:, 1:SHOWN]
+        if shown.shape[1] == 0:
+            return np.full(len(shown), np.nan)
+        close = np.abs(shown - best) <= CLOSE * data.attrs["agents"]
+        staying = np.logical_and.accumulate(close[:, ::-1], 1)[:, ::-1]
+        return np.where(staying.any(1), 2 + staying.argmax(1), 2 + shown.shape[1])
+
+    return measure
 
 
 @bounded(_shares)
-def early_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
+def early_communication(data: xr.Dataset) -> np.ndarray:
     """Share of agents that speak, in steps 1 and 2 (eq. 3.15)."""
     return data["communication"].values[:, :2].mean(1)
 
 
 @bounded(_shares)
-def middle_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
+def middle_communication(data: xr.Dataset) -> np.ndarray:
     """Share of agents that speak, in steps 3 to 8."""
     return _mean_of_steps(data["communication"], 2, SHOWN - 2)
 
 
 @bounded(_shares)
-def late_communication(data: xr.Dataset, _: Condition) -> np.ndarray:
+def late_communication(data: xr.Dataset) -> np.ndarray:
     """Share of agents that speak, in steps 9 and 10."""
     return _mean_of_steps(data["communication"], SHOWN - 2, SHOWN)
 
@@ -206,7 +194,7 @@ def share_of_act(act: str) -> Measure:
     """Share of agents that do one of `ACTS`, over the first ten steps."""
 
     @bounded(_shares)
-    def measure(data: xr.Dataset, _: Condition) -> np.ndarray:
+    def measure(data: xr.Dataset) -> np.ndarray:
         return data["acts"].values[:, :SHOWN, ACTS.index(act)].mean(1)
 
     return measure

@@ -1,10 +1,12 @@
 """Table 3.2 beside its published numbers, and the means behind the claims."""
 
+from ethogram.campaign.study import Records
 from ethogram.core.findings import Cell, Measured, Table
+from ethogram.studies.chapter import Measure
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.plan import SETTINGS, STRATEGIES, Condition, Strategy, filling_word
 from ethogram.studies.sharing.published import MAX_VALIDATION_RETURN
-from ethogram.studies.sharing.results import Measure, Records, Results
+from ethogram.studies.sharing.results import Results
 from ethogram.studies.sharing.validation import ACTS
 from ethogram.studies.statistics import measured
 

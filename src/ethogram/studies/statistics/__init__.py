@@ -21,8 +21,8 @@ from ethogram.studies.statistics.trials import (
     Terms,
     Trials,
     bounded,
-    contributions,
     difference,
+    jackknife_pseudovalues,
     support_of,
 )
 
@@ -38,10 +38,10 @@ __all__ = [
     "Terms",
     "Trials",
     "bounded",
-    "contributions",
     "difference",
     "holm",
     "interval_of_mean",
+    "jackknife_pseudovalues",
     "judge",
     "measured",
     "support_of",

@@ -105,6 +105,16 @@ class Effect(NamedTuple):
             return _inverted(lambda error: self.upper(error) < limit)
         return self._p_value(limit - self.mean, -self.skewness)
 
+    def of_more_trials(self, times: float) -> "Effect":
+        """What so many times as many trials would estimate, if they spread as these do."""
+        shrink = math.sqrt(times)
+        return self._replace(
+            error=self.error / shrink,
+            freedom=times * (self.freedom + 1) - 1,
+            skewness=self.skewness / shrink,
+            unseen=tuple(each._replace(trials=round(times * each.trials)) for each in self.unseen),
+        )
+
     @property
     def _sources(self) -> int:
         return max(1, (self.error > 0) + len(self.unseen))

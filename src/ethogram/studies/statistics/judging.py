@@ -21,13 +21,14 @@ What withholds a decision: fewer than five trials in any term of a part; parts t
 and a claim that needs more than was run, or has another reservation.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ethogram.core.findings import Claim, Revision, Side, Verdict
+from ethogram.core.findings import Claim, ClaimPart, Revision, Side, Verdict
 from ethogram.studies.statistics.effects import LEAST_P, Effect, estimate
 from ethogram.studies.statistics.intervals import Interval
 from ethogram.studies.statistics.needs import Need, shortage
@@ -140,7 +141,8 @@ def judge(specs: Sequence[ClaimSpec]) -> list[Claim]:
     Tested are the parts whose conditions were all run.  A claim without any is "not run".  It takes
     no share of the correction, nor does one of which every part has too few trials.  A claim of
     which some parts were not run, or cannot be tested for want of trials or of a defined value, can
-    be refuted and not confirmed; the note of an undecided claim says so, and which way it leans.
+    be refuted and not confirmed; the note of an undecided claim says so, which way it leans, and
+    about how many trials would decide it.
     """
     tested = [[_test(part) for part in spec.parts if not part.missing] for spec in specs]
     p_values = [_p_value(parts) for parts in tested if _testable(parts)]
@@ -199,7 +201,8 @@ class _Tested:
         return Interval(max(low, self.effect.lower(below)), min(high, self.effect.upper(above)))
 
 
-def _test(part: Part) -> _Tested:
+def _test(part: Part, times: float = 1.0) -> _Tested:
+    """A part tested, on so many times the trials that there are, spread as these are."""
     every = [trials for _, trials in part.terms]
     defects = [trials.defect for trials in every if trials.defect]
     if defects:
@@ -208,7 +211,7 @@ def _test(part: Part) -> _Tested:
     if few:
         mean = sum(weight * trials.mean for weight, trials in part.terms)
         return _Tested(part, Effect(mean), few=True, note="; ".join(few))
-    effect = estimate(part.terms)
+    effect = estimate(part.terms).of_more_trials(times)
     if effect.certain:
         holds = part.admits(effect.mean)
         p_holds, p_fails = (LEAST_P, 1.0) if holds else (1.0, LEAST_P)
@@ -260,6 +263,7 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected | 
     lack = spec.lack if undecided else ""
     rests = f"rests on: {decisive.part.label}" if len(spec.parts) > 1 else ""
     leans = _leaning(parts) if undecided else ""
+    more = "" if not undecided or spec.withheld or spec.lack else _more_trials(parts, level)
     return _claim(
         spec,
         verdict,
@@ -267,7 +271,31 @@ def _conclude(spec: ClaimSpec, parts: Sequence[_Tested], corrected: Corrected | 
         effect=None if decisive.effect is None else decisive.effect.mean,
         interval=interval,
         p_value=None if corrected is None else corrected.p_value,
-        note="; ".join(filter(None, [spec.withheld, lack, rests, decisive.note, leans])),
+        note="; ".join(filter(None, [spec.withheld, lack, rests, decisive.note, leans, more])),
+        parts=_told_apart(spec, parts, each),
+    )
+
+
+def _told_apart(spec: ClaimSpec, tested: Sequence[_Tested], each: float) -> tuple[ClaimPart, ...]:
+    """Every part of a claim that has several, in its order; the tested ones with intervals."""
+    left = iter(tested)
+    found = [_Tested(part) if part.missing else next(left) for part in spec.parts]
+    if len(found) == 1:
+        return ()
+    return tuple(_claim_part(one, one.interval(each, each)) for one in found)
+
+
+def _claim_part(one: _Tested, interval: Interval) -> ClaimPart:
+    missing = f"not run: {'; '.join(one.part.missing)}" if one.part.missing else ""
+    return ClaimPart(
+        compared=one.part.label,
+        effect=None if one.effect is None else one.effect.mean,
+        low=interval.low,
+        high=interval.high,
+        unit=one.part.unit,
+        side=one.part.side,
+        margin=float(one.part.margin),
+        note=missing or one.note,
     )
 
 
@@ -299,6 +327,32 @@ def _leaning(parts: Sequence[_Tested]) -> str:
     return f"leans against the claim{some}"
 
 
+def _more_trials(parts: Sequence[_Tested], level: float) -> str:
+    """About how many trials would decide a claim, in words, at the effect and the spread seen.
+
+    Nothing where the test cannot tell: too few trials to know a spread, trials at a cap, or an
+    effect so near to its margin that a thousand times as many would not do.
+    """
+    if any(one.effect is None or one.few for one in parts):
+        return ""
+
+    def decides(times: float) -> bool:
+        return _p_value([_test(one.part, times) for one in parts]) < level
+
+    enough = next((2.0**power for power in range(1, 11) if decides(2.0**power)), None)
+    if enough is None:
+        return ""
+    least = enough / 2
+    while enough - least > 0.01 * enough:
+        middle = (least + enough) / 2
+        least, enough = (least, middle) if decides(middle) else (middle, enough)
+    smallest = min(trials.count for one in parts for _, trials in one.part.terms)
+    return (
+        f"about {math.ceil(enough * smallest)} trials in place of {smallest} would decide it, if "
+        "effect and spread stay as they are"
+    )
+
+
 def _claim(
     spec: ClaimSpec,
     verdict: Verdict,
@@ -308,6 +362,7 @@ def _claim(
     interval: Interval = NO_INTERVAL,
     p_value: float | None = None,
     note: str,
+    parts: tuple[ClaimPart, ...] = (),
 ) -> Claim:
     return Claim(
         number=spec.number,
@@ -327,4 +382,5 @@ def _claim(
         stated=spec.stated,
         history=spec.history,
         depends_on=spec.depends_on,
+        parts=parts,
     )

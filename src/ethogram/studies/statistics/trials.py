@@ -78,6 +78,11 @@ class Trials:
         return self.values is None or self.values.size == 0
 
     @property
+    def count(self) -> int:
+        """How many trials there are."""
+        return 0 if self.values is None else self.values.size
+
+    @property
     def mean(self) -> float:
         """Of all trials; not a number where there is none."""
         return math.nan if self.values is None or self.missing else float(self.values.mean())
@@ -152,7 +157,7 @@ def difference(a: Trials, b: Trials, scale: float = 1.0) -> Terms:
     return ((1.0, a), (-scale, b))
 
 
-def contributions(statistic: Callable[..., float], *samples: Floats) -> list[Floats]:
+def jackknife_pseudovalues(statistic: Callable[..., float], *samples: Floats) -> list[Floats]:
     """A statistic of several samples as a sum of means over their trials (Tukey, 1958).
 
     What is no mean (a silhouette, a ratio) becomes terms of a part: one number per trial, the

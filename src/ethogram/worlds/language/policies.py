@@ -42,7 +42,7 @@ class NoCommunication(Module):
     words: int = eqx.field(static=True)
 
     def __init__(self, world: Language) -> None:
-        self.words = world.capacity + 1
+        self.words = world.max_vocabulary_size + 1
 
     def __call__(
         self, key: Key[Array, ""], observation: Float[Array, "robot known"]
@@ -64,7 +64,7 @@ class Optimal(Module):
 
     def __init__(self, world: Language) -> None:
         _require_symbols(world)
-        self.words = world.capacity + 1
+        self.words = world.max_vocabulary_size + 1
 
     def __call__(
         self, key: Key[Array, ""], observation: Float[Array, "robot known"]
@@ -94,7 +94,7 @@ class Informed(Module):
     def __init__(self, world: Language) -> None:
         _require_symbols(world)
         self.targets = world.targets
-        self.words = world.capacity + 1
+        self.words = world.max_vocabulary_size + 1
 
     def __call__(
         self, key: Key[Array, ""], observation: Float[Array, "robot seen"]
@@ -150,8 +150,8 @@ def _offsets(
 
 def _require_symbols(world: Language) -> None:
     needed = world.robots * world.targets
-    known = not isinstance(world.alphabet, jax.core.Tracer)
-    symbols = int(world.alphabet) if known else world.capacity
+    known = not isinstance(world.vocabulary_size, jax.core.Tracer)
+    symbols = int(world.vocabulary_size) if known else world.max_vocabulary_size
     if symbols < needed:
         raise InvalidSettings(
             f"Optimal talkers of {world.robots} robots and {world.targets} targets need {needed} "

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.worlds.language.state import State, distances
 
 ROBOT, TARGET = 0.025, 0.035  # radius and half an edge; the targets lie in a square of side 1
@@ -46,7 +46,9 @@ def record(initial: State, states: State) -> Scene:
         title="Unknown targets: lines join a robot, the one it guides, and that one's target",
         bounds=_bounds(position),
         frame_seconds=FRAME_SECONDS,
-        palette=tuple(f"target {t + 1} and the robots that must reach it" for t in range(targets)),
+        palette=tints(
+            *(f"target {t + 1} and the robots that must reach it" for t in range(targets))
+        ),
         shapes=(
             *(Shape("square", TARGET, f"target {t + 1}") for t in range(targets)),
             *(Shape("circle", ROBOT, str(r + 1)) for r in range(robots)),

@@ -10,21 +10,23 @@ minus the Manhattan distance of a robot from its target: the mover's own (eq. 2.
 guided one (eq. 2.6), in the state after the move.
 
 Actions are weights over choices (a one-hot vector is a pure choice): for a mover (none, up,
-right, down, left), for a talker (silence, symbol 1, symbol 2...).  `alphabet` symbols exist, of
-`capacity` that there is room for, so that languages of any size share one compiled program.
+right, down, left), for a talker (silence, symbol 1, symbol 2...).  There are `vocabulary_size`
+symbols, and room for `max_vocabulary_size`: languages of any size share one compiled program.
 
 Units: the side of the square the targets lie in is 1; velocity is displacement per step.
 
 Deviations from the print, each for the reason given.  `dynamics="damped"` moves like the
 multi-agent particle environments, v <- 0.75 v + 0.05 a, then x <- x + v: under the printed law
 (`dynamics="literal"`: x <- x + v, v <- v + delta a) a robot that neither remembers nor sees its
-velocity can only oscillate.  A talker may be silent only if `allow_silence` or if there is no
-symbol, since silence is a word too (the unused entries of its action and of what is heard are
-padding, 0).  `execution="soft"` lets weights move robots and be heard as
-they are; `"hard"` turns them into the choice of the largest.  `observe_velocity` is off, as in
-the thesis.  The end is a time limit, hence a truncation.
+velocity can only oscillate.  Another function of position, velocity, push and delta may take their
+place.  A talker may be silent only if `allow_silence` or if there is no symbol, since silence is a
+word too (the unused entries of its action and of what is heard are padding, 0).
+`execution="soft"` lets weights move robots and be heard as they are; `"hard"` turns them into the
+choice of the largest.  `observe_velocity` is off, as in the thesis.  The end is a time limit, hence
+a truncation.
 """
 
+from collections.abc import Callable
 from functools import cache
 from itertools import permutations
 from typing import Annotated, Literal
@@ -33,19 +35,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Bool, Int, Key
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
-from ethogram.core.settings import Number, setting
+from ethogram.core.settings import Number, function_of, named, setting
 from ethogram.core.spaces import Box, Simplex
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.language.scene import record
 from ethogram.worlds.language.state import State, distances
 
-Dynamics = Literal["damped", "literal"]
+# position Float[robot, 2], velocity Float[robot, 2], push Float[robot, 2], delta -> the first two
+Dynamics = Callable[[Array, Array, Array, Number], tuple[Array, Array]]
 Execution = Literal["soft", "hard"]
 
 DAMPING, ACCELERATION = 0.75, 0.05  # of the particle environments, per step
@@ -53,16 +56,41 @@ DAMPING, ACCELERATION = 0.75, 0.05  # of the particle environments, per step
 MOVES = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))
 
 
+def damped(
+    position: Float[Array, "robot 2"],
+    velocity: Float[Array, "robot 2"],
+    push: Float[Array, "robot 2"],
+    delta: Number,
+) -> tuple[Float[Array, "robot 2"], Float[Array, "robot 2"]]:
+    """The multi-agent particle environments: v <- 0.75 v + 0.05 a, then x <- x + v."""
+    del delta
+    velocity = DAMPING * velocity + ACCELERATION * push
+    return position + velocity, velocity
+
+
+def literal(
+    position: Float[Array, "robot 2"],
+    velocity: Float[Array, "robot 2"],
+    push: Float[Array, "robot 2"],
+    delta: Number,
+) -> tuple[Float[Array, "robot 2"], Float[Array, "robot 2"]]:
+    """The law as printed: x <- x + v, v <- v + delta a."""
+    return position + velocity, velocity + delta * push
+
+
+DYNAMICS: dict[str, Dynamics] = {"damped": damped, "literal": literal}
+
+
 class Language(World):
     """Robots that see the targets and must be told which one is theirs."""
 
-    alphabet: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
+    vocabulary_size: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
     delta: Number = setting(0.05, Annotated[float, Field(gt=0)])
     robots: int = setting(2, Annotated[int, Field(ge=2, le=7)], static=True)
     targets: int = setting(2, Annotated[int, Field(ge=1, le=1000)], static=True)
-    capacity: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
+    max_vocabulary_size: int = setting(4, Annotated[int, Field(ge=0, le=10_000)], static=True)
     steps: int = setting(25, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
-    dynamics: Dynamics = setting("damped", Dynamics, static=True)
+    dynamics: str | Dynamics = named("damped", DYNAMICS)
     execution: Execution = setting("soft", Execution, static=True)
     allow_silence: bool = setting(False, bool, static=True)
     observe_velocity: bool = setting(False, bool, static=True)
@@ -71,15 +99,18 @@ class Language(World):
         """Refuse an alphabet that there is no room for.
 
         Raises:
-            InvalidSettings: `alphabet` is more than `capacity`.
+            InvalidSettings: `vocabulary_size` is more than `max_vocabulary_size`.
 
         """
-        if isinstance(self.alphabet, jax.core.Tracer):
+        if isinstance(self.vocabulary_size, jax.core.Tracer):
             return
-        largest = np.asarray(self.alphabet).max()  # NumPy: under jit JAX would trace this, too
-        if largest > self.capacity:
+        largest = np.asarray(
+            self.vocabulary_size
+        ).max()  # NumPy: under jit JAX would trace this, too
+        if largest > self.max_vocabulary_size:
             raise InvalidSettings(
-                f"Language: alphabet = {largest} is more than capacity = {self.capacity}."
+                f"Language: vocabulary_size = {largest} is more than max_vocabulary_size = "
+                f"{self.max_vocabulary_size}."
             )
 
     @property
@@ -90,30 +121,32 @@ class Language(World):
     @property
     def roles(self) -> dict[str, Role]:
         """`mover` and `talker`, one of each per robot."""
-        words = self.capacity + 1
+        symbols = self.max_vocabulary_size + 1  # and silence
         seen = 2 * self.targets + 2 * self.observe_velocity
-        heard = jnp.tile(self.words.at[0].set(True), self.robots)  # all are silent at first
+        heard = jnp.tile(
+            self.vocabulary_mask.at[0].set(True), self.robots
+        )  # all are silent at first
         used = jnp.concatenate([jnp.ones(seen, bool), heard])
         offsets = Box(-self._reach, self._reach, used.shape, used)
         known = Box(0.0, 1.0, (self.robots + self.targets,))
         return {
             "mover": Role(self.robots, offsets, Simplex(len(MOVES))),
-            "talker": Role(self.robots, known, Simplex(words, self.words)),
+            "talker": Role(self.robots, known, Simplex(symbols, self.vocabulary_mask)),
         }
 
     @property
     def _reach(self) -> float:
-        """No offset is larger: a robot at full speed all the way."""
-        if self.dynamics == "literal":
-            return float("inf")
-        return 1.0 + self.steps * ACCELERATION / (1 - DAMPING)
+        """The largest offset: that of a robot at full speed all the way, if it has any."""
+        if function_of(DYNAMICS, self.dynamics) is damped:
+            return 1.0 + self.steps * ACCELERATION / (1 - DAMPING)
+        return float("inf")
 
     @property
-    def words(self) -> Bool[Array, "word"]:
+    def vocabulary_mask(self) -> Bool[Array, "word"]:
         """Which entries of a talker's action it may use."""
-        word = jnp.arange(self.capacity + 1)
-        mute = jnp.logical_or(self.alphabet == 0, self.allow_silence)
-        return jnp.where(word == 0, mute, word <= self.alphabet)
+        word = jnp.arange(self.max_vocabulary_size + 1)
+        mute = jnp.logical_or(self.vocabulary_size == 0, self.allow_silence)
+        return jnp.where(word == 0, mute, word <= self.vocabulary_size)
 
     def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
         """Robots and targets uniform in the square, goals uniform, guides a random derangement.
@@ -130,7 +163,7 @@ class Language(World):
             target=targets.reshape(-1, 2),
             guides=ways[(way[0] * len(ways)).astype(jnp.int32)],
             goal=(goals * self.targets).astype(jnp.int32),
-            said=jnp.zeros((self.robots, self.capacity + 1)).at[:, 0].set(1.0),
+            said=jnp.zeros((self.robots, self.max_vocabulary_size + 1)).at[:, 0].set(1.0),
             time=jnp.int32(0),
         )
         return state, self.observe(state)
@@ -176,12 +209,8 @@ class Language(World):
 
     def _move(self, state: State, action: PerRole) -> State:
         push = action["mover"] @ jnp.asarray(MOVES, jnp.float32)
-        if self.dynamics == "damped":
-            velocity = DAMPING * state.velocity + ACCELERATION * push
-            position = state.position + velocity
-        else:
-            velocity = state.velocity + self.delta * push
-            position = state.position + state.velocity
+        advance = function_of(DYNAMICS, self.dynamics)
+        position, velocity = advance(state.position, state.velocity, push, self.delta)
         return State(
             position,
             velocity,

@@ -14,7 +14,7 @@ from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.worlds.publishing.literature import Literature
 
 
-class Standing(eqx.Module):
+class CitationStats(eqx.Module):
     """How much the authors' papers are cited, and what follows."""
 
     h_index: Int[Array, "author"]
@@ -23,8 +23,8 @@ class Standing(eqx.Module):
 
 
 def cite(
-    papers: Literature, standing: Standing, cited: Int[Array, "draft reference"]
-) -> tuple[Standing, Literature]:
+    papers: Literature, stats: CitationStats, cited: Int[Array, "draft reference"]
+) -> tuple[CitationStats, Literature]:
     """Count citations; h-indices are not raised yet."""
     events = cited.reshape(-1)
     there, paper = events >= 0, jnp.maximum(events, 0)
@@ -39,21 +39,21 @@ def cite(
     owner = take(papers.author, paper)
     counts = once & (owner >= 0)
     owner, counted = jnp.where(counts, owner, 0), counts.astype(jnp.int32)
-    width = standing.tally.shape[1]
-    tally = standing.tally.reshape(-1)
+    width = stats.tally.shape[1]
+    tally = stats.tally.reshape(-1)
     tally = add(tally, owner * width + jnp.minimum(before, width - 1), -counted)
     tally = add(tally, owner * width + jnp.minimum(after, width - 1), counted)
-    reached = take(standing.h_index, owner)
+    reached = take(stats.h_index, owner)
     passes = (before <= reached) & (after > reached)
-    above = add(standing.above, owner, counted * passes)
-    standing = Standing(standing.h_index, above, tally.reshape(-1, width))
-    return standing, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
+    above = add(stats.above, owner, counted * passes)
+    stats = CitationStats(stats.h_index, above, tally.reshape(-1, width))
+    return stats, eqx.tree_at(lambda p: (p.citations, p.mark), papers, (citations, mark))
 
 
-def rise(standing: Standing) -> Standing:
+def rise(stats: CitationStats) -> CitationStats:
     """Let h-indices be as high as they may."""
-    authors, width = standing.tally.shape
-    tally = standing.tally.reshape(-1)
+    authors, width = stats.tally.shape
+    tally = stats.tally.reshape(-1)
 
     def rising(at: tuple[Array, Array]) -> Array:
         return in_any_copy((at[1] > at[0]).any())
@@ -65,5 +65,5 @@ def rise(standing: Standing) -> Standing:
         exactly = take(tally, jnp.arange(authors) * width + h_index)
         return h_index, above - jnp.where(up, exactly, 0)
 
-    h_index, above = lax.while_loop(rising, by_one, (standing.h_index, standing.above))
-    return Standing(h_index, above, standing.tally)
+    h_index, above = lax.while_loop(rising, by_one, (stats.h_index, stats.above))
+    return CitationStats(h_index, above, stats.tally)

@@ -35,7 +35,7 @@ def acceptance_rate(state: State) -> Float[Array, "journal"]:
     return jnp.where(decided > 0, published / jnp.maximum(decided, 1), jnp.nan)
 
 
-H_INDEX = Indicator("author", lambda state: state.standing.h_index.astype(float))  # eq. 7.1
+H_INDEX = Indicator("author", lambda state: state.citation_stats.h_index.astype(float))  # eq. 7.1
 IMPACT_FACTOR = Indicator("journal", lambda state: state.impact)  # eq. 7.3, last complete year
 ACCEPTANCE_RATE = Indicator("journal", acceptance_rate)
 PAPERS = Indicator("journal", lambda state: state.qualities.papers.astype(float))

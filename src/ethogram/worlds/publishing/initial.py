@@ -1,7 +1,7 @@
 """The initial state: qualities by a power law, references, and which journal published what.
 
 Thesis, section 7.3.5.  Papers belong to the years -2, -1 and 0, each with equal chance, and cite
-those before them.  `assign` places them in journals:
+those before them.  An `Assignment` places them in journals, one of these or one's own:
 
 - "two_phase": papers and references are drawn first; then the papers of the years -2 and -1, those
   that count for the impact factors of year 0, are placed in random order, with their citations
@@ -13,8 +13,10 @@ those before them.  `assign` places them in journals:
 The papers of year 0 count for no impact factor yet, and go anywhere, but for "online".
 """
 
-from typing import Literal, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,46 +24,72 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 
 from ethogram.core.batching import add, in_any_copy, put, take
-from ethogram.core.keys import branch, scaled, unit, words
-from ethogram.core.settings import Number
+from ethogram.core.keys import branch, random_words, scaled, unit
+from ethogram.core.settings import function_of
+from ethogram.worlds.publishing.citations import CitationStats
+from ethogram.worlds.publishing.editorial import write
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018, Sources
+from ethogram.worlds.publishing.journals import empty
 from ethogram.worlds.publishing.literature import (
     INITIAL_YEARS,
+    begin,
     distinct,
     distinct_of_few,
     draws_for,
     first_beyond,
     recency,
 )
+from ethogram.worlds.publishing.state import Drafts, State
 
-Assignment = Literal["two_phase", "online", "random"]
-Scale = Literal["linear", "none"]
+if TYPE_CHECKING:
+    from ethogram.worlds.publishing.world import Publishing
+
+# (key, year Int[paper] from 0 in order, cited Int[paper, reference], journals, shares of journals
+# wanted by rounded impact factor Float[bin]) -> journal Int[paper]
+Assignment: TypeAlias = Callable[[Array, Array, Array, int, np.ndarray], Array]
 AIMS = {of: np.array(counts) / sum(counts) for of, counts in IMPACT_2018.items()}
 BINS = len(AIMS["journals"])
 FEW = 32  # papers, the first, that may have to cite nearly all before them
 
 
-def power_law(
-    key: Key[Array, ""],
-    shape: tuple[int, ...],
-    *,
-    slope: Number,
-    greatest: Number,
-    quality_max: Number,
-    scale: Scale,
-) -> Float[Array, "..."]:
-    """Qualities with a density of x^-slope on [1, greatest], stretched to [0, quality_max]."""
-    chance = jax.random.uniform(key, shape)
-    power = 1 - slope
-    log = jnp.log(greatest)
-    x = jnp.where(
-        jnp.abs(power) < 1e-6,
-        jnp.exp(chance * log),
-        (1 + chance * (greatest**power - 1)) ** (1 / jnp.where(power == 0, 1.0, power)),
+def initial_state(world: "Publishing", key: Key[Array, ""]) -> State:
+    """Papers of the years -2 to 0, and authors that have published nothing."""
+    for_authors, for_papers, for_years, for_cited, for_place, for_drafts = jax.random.split(key, 6)
+    quality = world.power_law(for_authors, world.authors)
+    level = world.levels(world.power_law(for_papers, world.initial_papers))
+    year = jnp.sort(jax.random.randint(for_years, (world.initial_papers,), 0, INITIAL_YEARS))
+    cited = initial_references(for_cited, level, year, world.references)
+    assign = function_of(ASSIGNMENTS, world.init_assignment)
+    journal = assign(for_place, year, cited, world.journals, AIMS[world.init_sources])
+    counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
+    counts &= take(year, jnp.maximum(cited, 0)) < INITIAL_YEARS - 1
+    nobody = jnp.zeros(world.journals, jnp.int32)
+    room = world.capacity + world.authors  # a step writes as many entries as there are authors
+    in_year = jnp.zeros(world.journals * INITIAL_YEARS, jnp.int32)
+    in_year = add(in_year, journal * INITIAL_YEARS + year, jnp.ones_like(year))
+    papers = in_year.reshape(world.journals, INITIAL_YEARS)
+    cited_in = take(journal, jnp.maximum(cited, 0))
+    received = add(nobody, cited_in, counts.astype(jnp.int32))
+    none = jnp.zeros(world.authors, jnp.int32)
+    tally = jnp.zeros((world.authors, world.horizon + 2), jnp.int32)
+    state = State(
+        quality=quality,
+        drafts=Drafts(none, jnp.full((world.authors, world.references), -1), none),
+        citation_stats=CitationStats(none, none, tally),
+        literature=begin(level, year, journal, cited, room, INITIAL_YEARS + world.horizon),
+        qualities=empty(world.journals).add(journal, level, level >= 0),
+        window=papers[:, :0:-1],
+        this_year=nobody,
+        received=nobody,
+        impact=world.impact_factor(received, papers[:, :-1].sum(1)),
+        rejected=nobody,
+        time=jnp.int32(0),
     )
-    if scale == "linear":
-        return (x - 1) / (greatest - 1) * quality_max
-    return jnp.minimum(x, quality_max)
+    everyone = jnp.ones(world.authors, bool)
+    drafts = write(
+        world, for_drafts, quality, state.drafts, state.literature, world.year(state), everyone
+    )
+    return eqx.tree_at(lambda s: s.drafts, state, drafts)
 
 
 def initial_references(
@@ -82,7 +110,7 @@ def initial_references(
     reach = jnp.cumsum(total * recency(year[:, None] - jnp.arange(INITIAL_YEARS)), axis=1)
 
     def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
-        for_year, for_paper = words(key, 2, draws, len(drafts))
+        for_year, for_paper = random_words(key, 2, draws, len(drafts))
         row = drafts * INITIAL_YEARS
         steps = [take(reach.reshape(-1), row + year) for year in range(INITIAL_YEARS)]
         aim = unit(for_year) * steps[-1]
@@ -118,30 +146,65 @@ def distance(
     return jnp.linalg.norm(histogram(received, papers) - AIMS[sources])
 
 
-def place(
+def anywhere(
     key: Key[Array, ""],
     year: Int[Array, "paper"],
     cited: Int[Array, "paper reference"],
     journals: int,
-    assign: Assignment,
-    sources: Sources,
+    aim: Float[np.ndarray, "bin"],
 ) -> Int[Array, "paper"]:
-    """The journal of each initial paper; years from 0, in order."""
+    """A random journal for each initial paper."""
+    del cited, aim
+    for_place, _, _ = jax.random.split(key, 3)
+    return jax.random.randint(for_place, year.shape, 0, journals)
+
+
+def two_phase(
+    key: Key[Array, ""],
+    year: Int[Array, "paper"],
+    cited: Int[Array, "paper reference"],
+    journals: int,
+    aim: Float[np.ndarray, "bin"],
+) -> Int[Array, "paper"]:
+    """A journal for each initial paper, placed when the citations of all are known."""
+    return _place(key, year, cited, journals, aim, known=True)
+
+
+def online(
+    key: Key[Array, ""],
+    year: Int[Array, "paper"],
+    cited: Int[Array, "paper reference"],
+    journals: int,
+    aim: Float[np.ndarray, "bin"],
+) -> Int[Array, "paper"]:
+    """A journal for each initial paper, placed with the citations of those before it."""
+    return _place(key, year, cited, journals, aim, known=False)
+
+
+ASSIGNMENTS: dict[str, Assignment] = {"two_phase": two_phase, "online": online, "random": anywhere}
+
+
+def _place(
+    key: Key[Array, ""],
+    year: Int[Array, "paper"],
+    cited: Int[Array, "paper reference"],
+    journals: int,
+    aim: Float[np.ndarray, "bin"],
+    *,
+    known: bool,
+) -> Int[Array, "paper"]:
     for_place, for_order, for_ties = jax.random.split(key, 3)
     papers, last = len(year), INITIAL_YEARS - 1
-    anywhere = jax.random.randint(for_place, (papers,), 0, journals)
-    if assign == "random":
-        return anywhere
+    random = jax.random.randint(for_place, (papers,), 0, journals)
     before = take(year, jnp.maximum(cited, 0)) < last
     counts = (cited >= 0) & (year[:, None] == last) & before  # citations that count
     received = add(jnp.zeros(papers, jnp.int32), jnp.maximum(cited, 0), counts.astype(jnp.int32))
-    known = assign == "two_phase"
     # the papers of the last year last: they count for nothing yet, and stay where they are
-    chance = unit(words(for_order, papers))
+    chance = unit(random_words(for_order, papers))
     order = jnp.argsort(chance + 2.0 * (year == last)) if known else jnp.arange(papers)
     count = (year < last).sum() if known else jnp.int32(papers)
-    ties = unit(words(for_ties, papers, journals))
-    aim = jnp.asarray(journals * AIMS[sources])
+    ties = unit(random_words(for_ties, papers, journals))
+    wanted = jnp.asarray(journals * aim)
 
     def settle(at: tuple[_Placed, Array]) -> tuple[_Placed, Array]:
         so_far, done = at
@@ -151,7 +214,7 @@ def place(
             so_far = so_far._replace(received=brought)
         one = (take(year, paper) < last).astype(jnp.int32)
         gain = one * take(received, paper) * known
-        chosen = _nearest(ties[done], so_far, gain, one, aim)
+        chosen = _nearest(ties[done], so_far, gain, one, wanted)
         joins = jnp.arange(journals) == chosen
         return _Placed(
             put(so_far.journal, jnp.where(done < count, paper, papers), chosen),  # beyond: dropped
@@ -160,8 +223,8 @@ def place(
         ), done + 1
 
     nothing = jnp.zeros(journals, jnp.int32)
-    begin = _Placed(anywhere, nothing, nothing), jnp.int32(0)
-    placed, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), settle, begin)
+    start = _Placed(random, nothing, nothing), jnp.int32(0)
+    placed, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), settle, start)
     return placed.journal
 
 

@@ -5,6 +5,9 @@ halves a range of levels and counts the papers in its lower half.  A paper is co
 per halving at most, and the paper of any rank is found by as many looks, however many there are.
 """
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -14,6 +17,8 @@ from ethogram.core.batching import add, take
 from ethogram.core.settings import Number
 from ethogram.worlds.publishing.literature import LEVELS
 
+# (citations received Int[journal], papers of two years Int[journal], undefined) -> Float[journal]
+ImpactFactor: TypeAlias = Callable[[Array, Array, Number], Array]
 HALVES = [LEVELS >> depth for depth in range(1, LEVELS.bit_length())]  # of ranges, to single levels
 
 
@@ -65,7 +70,7 @@ def empty(journals: int) -> Qualities:
     return Qualities(jnp.zeros(journals, jnp.int32), jnp.zeros(journals * LEVELS, jnp.int32))
 
 
-def impact_factor(
+def union(
     received: Int[Array, "journal"], papers: Int[Array, "journal"], undefined: Number
 ) -> Float[Array, "journal"]:
     """Citations that a year's papers give those of the two years before, per such paper (eq. 7.3).
@@ -77,3 +82,13 @@ def impact_factor(
 
     """
     return jnp.where(papers > 0, received / jnp.maximum(papers, 1), undefined)
+
+
+def intersection(
+    received: Int[Array, "journal"], papers: Int[Array, "journal"], undefined: Number
+) -> Float[Array, "journal"]:
+    """Eq. 7.3 as printed, of papers of both years: there are none."""
+    return union(jnp.zeros_like(received), papers, undefined)
+
+
+IMPACT_FACTORS: dict[str, ImpactFactor] = {"union": union, "intersection": intersection}

@@ -127,7 +127,7 @@ class Learnable(World):
         if self.reward == "change":
             return outcome.reward[self.learns]
         if self.learns == "author":
-            return system.standing.h_index.astype(float)
+            return system.citation_stats.h_index.astype(float)
         ended = system.time % self.system.steps_per_year == 0
         return jnp.where(ended, jnp.nan_to_num(system.impact), 0.0)
 

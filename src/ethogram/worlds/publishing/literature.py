@@ -20,7 +20,7 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int, Key
 
 from ethogram.core.batching import add, in_any_copy, put, take
-from ethogram.core.keys import branch, scaled, unit, words
+from ethogram.core.keys import branch, random_words, scaled, unit
 
 LEVELS = 2**14  # of quality, from 0 to the largest
 INITIAL_YEARS = 3  # -2, -1, 0: a block each
@@ -172,7 +172,7 @@ def draw(
     reach = jnp.cumsum(literature.total * jnp.where(age >= 0, recency(age), 0.0))
 
     def drawn(key: Key[Array, ""], drafts: Int[Array, "few"]) -> Int[Array, "draw few"]:
-        for_block, for_paper = words(key, 2, draws, len(drafts))
+        for_block, for_paper = random_words(key, 2, draws, len(drafts))
         anywhere = jnp.zeros_like(for_block, jnp.int32), len(blocks), len(blocks)
         block = first_beyond(reach, unit(for_block) * reach[-1], *anywhere)
         mass = take(literature.total, block)
@@ -268,7 +268,7 @@ def distinct_of_few(
     The papers with the largest log(weight) + g, with g of the standard Gumbel distribution, are a
     draw without replacement (Yellott, 1977).
     """
-    gumbel = -jnp.log(-jnp.log(unit(words(key, *weight.shape)) * (1 - 2.0**-24)))
+    gumbel = -jnp.log(-jnp.log(unit(random_words(key, *weight.shape)) * (1 - 2.0**-24)))
     score = jnp.where(weight > 0, jnp.log(weight) + gumbel, -jnp.inf)
     papers = jnp.arange(weight.shape[1])
 

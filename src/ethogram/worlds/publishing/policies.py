@@ -15,7 +15,7 @@ from jaxtyping import Float, Int, Key, UInt32
 
 from ethogram.core.batching import put, take
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.keys import scaled, words
+from ethogram.core.keys import random_words, scaled
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number
@@ -41,7 +41,7 @@ class Random(Module):
     ) -> Int[Array, "author"]:
         """0 or a journal from 1, for each author."""
         journals = seen.shape[1] - 2
-        chosen = 1 + scaled(words(key, len(seen)), journals)
+        chosen = 1 + scaled(random_words(key, len(seen)), journals)
         return jnp.where(seen[:, 1] > self.max_rejections, 0, chosen)
 
 
@@ -103,7 +103,7 @@ class Ranking(Module):
             raise InvalidSettings(
                 f"bins = {self.bins}; allowed: at most as many as there are journals, {journals}."
             )
-        chance = words(key, journals + len(bin_))
+        chance = random_words(key, journals + len(bin_))
         ranked = ranking_of(impact, chance[:journals])
         if self.remainder == "drop":
             size = jnp.full_like(bin_, journals // self.bins)

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.core.world import Outcome
 from ethogram.worlds.publishing.state import State
 
@@ -21,7 +21,7 @@ FRAME_SECONDS = 0.25
 AUTHOR, DRAFT, JOURNAL = 0.3, 0.2, 0.9  # radius, radius, half an edge of the largest
 HEIGHT = 8.0  # of the journals above the authors
 WIDTH = 40.0
-PALETTE = ("an author", "a draft", "accepted", "rejected", "a journal")
+PALETTE = tints("an author", "a draft", "accepted", "rejected", "a journal")
 DRAFTED, ACCEPTED, REJECTED = 1, 2, 3
 
 

@@ -4,7 +4,7 @@ import equinox as eqx
 from jax import Array
 from jaxtyping import Float, Int
 
-from ethogram.worlds.publishing.citations import Standing
+from ethogram.worlds.publishing.citations import CitationStats
 from ethogram.worlds.publishing.journals import Qualities
 from ethogram.worlds.publishing.literature import Literature
 
@@ -22,7 +22,7 @@ class State(eqx.Module):
 
     quality: Float[Array, "author"]  # of authors, in [0, q_max]
     drafts: Drafts
-    standing: Standing
+    citation_stats: CitationStats
     literature: Literature
     qualities: Qualities
     window: Int[Array, "journal 2"]  # papers of the year before, and of the one before that

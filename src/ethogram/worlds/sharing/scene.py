@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import Scene, Shape, tints
 from ethogram.worlds.sharing.state import State
 
 AGENT, RESOURCE = 0.35, 1.2  # radius and half an edge; agents stand one unit apart
@@ -39,7 +39,7 @@ def record(
         title=title,
         bounds=(across[0] - 3, -1.0, across[-1] + 3, 6.0 + agents / 4),
         frame_seconds=FRAME_SECONDS,
-        palette=("a resource", *(f"wants resource {j + 1}" for j in range(resources))),
+        palette=tints("a resource", *(f"wants resource {j + 1}" for j in range(resources))),
         shapes=(
             *(Shape("square", RESOURCE, f"resource {j + 1}") for j in range(resources)),
             *(Shape("circle", AGENT, str(i + 1)) for i in range(agents)),

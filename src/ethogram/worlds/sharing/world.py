@@ -39,7 +39,13 @@ from ethogram.core.scene import Scene
 from ethogram.core.settings import setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
-from ethogram.worlds.sharing.reward import REWARDS, Reading, Scenario, reward_of_filling
+from ethogram.worlds.sharing.reward import (
+    REWARDS,
+    Reading,
+    Reward,
+    Scenario,
+    reward_of_filling,
+)
 from ethogram.worlds.sharing.rows import Communication, Group, joint_rows, ranking
 from ethogram.worlds.sharing.scene import record
 from ethogram.worlds.sharing.state import State
@@ -57,19 +63,23 @@ class Census(eqx.Module):
     coming: Int[Array, "resource"]  # d: speakers elsewhere that want it
 
 
-def scenario_code(name: str | Int[Array, "..."]) -> Int[Array, "..."]:
-    """Number a scenario, so that scenarios share one compiled program."""
-    if isinstance(name, str):
-        if name not in REWARDS:
-            raise UnknownName("scenario", name, REWARDS)
-        return jnp.int32(list(REWARDS).index(name))
-    return jnp.asarray(name, jnp.int32)
+def scenario_code(scenario: str | Int[Array, "..."] | Reward) -> Int[Array, "..."] | Reward:
+    """The number of a scenario, so that scenarios share one compiled program; or a function."""
+    if callable(scenario):
+        return scenario
+    if isinstance(scenario, str):
+        if scenario not in REWARDS:
+            raise UnknownName("scenario", scenario, REWARDS)
+        return jnp.int32(list(REWARDS).index(scenario))
+    return jnp.asarray(scenario, jnp.int32)
 
 
 class Sharing(World):
     """Agents choosing among shared resources, with optional broadcast."""
 
-    scenario: Int[Array, "..."] = setting("cooperative", Scenario, converter=scenario_code)
+    scenario: Int[Array, "..."] | Reward = setting(
+        "cooperative", Scenario, converter=scenario_code, names=tuple(REWARDS)
+    )
     agents: int = setting(10, Agents, static=True)
     resources: int = setting(2, Resources, static=True)
     steps: int = setting(100, Steps, static=True)
@@ -143,7 +153,11 @@ class Sharing(World):
 
     def _earn(self, state: State, counted: Census) -> Float[Array, "agent"]:
         pays = reward_of_filling(
-            counted.filling, self.scenario, self.agents, self.resources, self.reward == "literal"
+            counted.filling,
+            self.scenario,
+            self.agents,
+            self.resources,
+            literal=self.reward == "literal",
         )
         on = state.resource == jnp.arange(1, self.resources + 1)[:, None]
         return jnp.where(on, pays[:, None], 0.0).sum(0)

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ethogram.core.scene import Scene, Shape
+from ethogram.core.scene import GRADED_COLOURS, Scene, Shape, Tint
 
 FRAME_SECONDS = 0.05  # at normal speed: slow motion
 CHANGED = 0.02  # of the edge at rest: from here on a voxel counts as contracted or expanded
-PALETTE = ("contracted", "at rest", "expanded")
+PALETTE = tuple(map(Tint, ("contracted", "at rest", "expanded"), GRADED_COLOURS))
 MILLIMETRES = 1000.0
 MAX_STEPS = 200  # of an episode, that are shown after its start
 

@@ -22,7 +22,7 @@ def told(request):
     """A study's introduction, and all that its published page says in claims and tables."""
     page = (RESULTS / f"{request.param}.md").read_text().replace("\\", "")
     said = page.split("## Claims")[1].split("## Figures")[0]
-    return introduction_of(STUDIES.get(request.param)), re.sub(r"`[^`]*`|]\([^)]*\)", "", said)
+    return introduction_of(STUDIES[request.param]), re.sub(r"`[^`]*`|]\([^)]*\)", "", said)
 
 
 def test_every_symbol_that_claims_and_tables_use_is_explained(told):
@@ -43,7 +43,7 @@ def test_every_study_has_a_paragraph_a_picture_and_a_source_with_author_title_an
 
 @pytest.mark.parametrize("name", ["language", "sharing", "sensing", "publishing"])
 def test_the_pictured_case_is_one_that_was_published(name):
-    case = introduction_of(STUDIES.get(name)).case
+    case = introduction_of(STUDIES[name]).case
     cases = {
         found
         for manifest in (RESULTS / "records" / name / "manifests").iterdir()

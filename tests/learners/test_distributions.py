@@ -3,13 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ethogram.learners.exploration import (
-    Constant,
-    ExponentialDecay,
-    Linear,
-    epsilon_greedy,
-    gumbel_softmax,
-)
+from ethogram.learners.distributions import epsilon_greedy, gumbel_softmax
 
 LOGITS = jnp.array([1.0, 0.0, -1.0, 2.0])
 CHANCES = np.exp(LOGITS) / np.exp(LOGITS).sum()
@@ -78,14 +72,3 @@ def test_a_choice_out_of_reach_weighs_exactly_nothing_and_leaves_the_others_as_t
     many = gumbel_softmax(jax.random.key(4), jnp.tile(LOGITS.at[3].set(-1e9), (1000, 1)), 100.0)
     assert (many[:, 3] == 0).all()
     assert with_padding[3] == 0
-
-
-def test_schedules_fall_from_their_start_to_their_end():
-    decay = ExponentialDecay(1.0, 0.01, 0.9995)
-    np.testing.assert_allclose(decay(jnp.int32(0)), 1.0)
-    np.testing.assert_allclose(decay(jnp.int32(100)), 0.9995**100, rtol=1e-4)
-    assert decay(jnp.int32(9207)) > 0.01
-    np.testing.assert_allclose(decay(jnp.int32(9209)), 0.01)  # as the thesis' numbers imply
-    linear = Linear(1.0, 0.2, 10)
-    np.testing.assert_allclose([linear(jnp.int32(at)) for at in (0, 5, 50)], [1.0, 0.6, 0.2])
-    np.testing.assert_allclose(Constant(0.3)(jnp.int32(7)), 0.3)

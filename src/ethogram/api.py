@@ -1,0 +1,99 @@
+"""The front door: worlds by name, evaluation, stored records; used as `ethogram.make` and so on."""
+
+import dataclasses
+import difflib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+from jax import Array
+from jaxtyping import Key
+
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.rollout import Policy, rollout
+from ethogram.core.world import PerRole, Transition, World
+from ethogram.learners.episodes import episode_returns
+from ethogram.worlds import WORLDS
+
+if TYPE_CHECKING:
+    from ethogram.campaign.study import Records
+
+
+def make(name: str, **settings: Any) -> World:
+    """A world by its name, with settings that differ from its defaults.
+
+    Args:
+        name: one of `ethogram.WORLDS`.
+        settings: fields of the world.
+
+    Raises:
+        UnknownName: there is no world of that name.
+        InvalidSettings: the world has no such setting, or its value is out of range.
+
+    """
+    kind = WORLDS[name]
+    known = [field.name for field in dataclasses.fields(kind) if field.init]
+    for setting in settings:
+        if setting not in known:
+            near = difflib.get_close_matches(setting, known, n=1, cutoff=0.5)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            raise InvalidSettings(
+                f"The world {name!r} has no setting {setting!r}.{hint} Allowed: {', '.join(known)}."
+            )
+    return kind(**settings)
+
+
+def evaluate(world: World, policy: Policy, key: Key[Array, ""], episodes: int = 100) -> PerRole:
+    """Returns of whole episodes, not discounted: Float[episode, agent] per role.
+
+    Args:
+        world: any world.
+        policy: `policy(key, observation) -> action`, per role.
+        key: consumed; the same key gives the same episodes.
+        episodes: how many, played side by side, each from its start to its end.
+
+    """
+    return _returns(world, policy, jax.random.split(key, episodes))
+
+
+@eqx.filter_jit
+def _returns(world: World, policy: Policy, keys: Key[Array, "episode"]) -> PerRole:
+    def play(key: Key[Array, ""]) -> Transition:
+        kept: Transition = rollout(world, policy, key, world.horizon, keep=_rewards)[1]
+        return kept
+
+    return episode_returns(jax.vmap(play)(keys))
+
+
+def _rewards(transition: Transition) -> Transition:
+    """What returns are made of."""
+    outcome = dataclasses.replace(transition.outcome, observation={}, metrics={})
+    return dataclasses.replace(
+        transition, state=None, next_state=None, observation={}, action={}, outcome=outcome
+    )
+
+
+def load_records(folder: str | Path, study: str) -> "Records":
+    """The stored records of a study's last run: by case, then by group, as `xarray.Dataset`s.
+
+    Args:
+        folder: of results, where `ethogram run` stored them.
+        study: its name.
+
+    Raises:
+        DamagedRecords: a record cannot be used; the message names each.
+        UnknownName: the folder holds nothing of the study.
+        EthogramError: the folder holds no results.
+
+    """
+    from ethogram.campaign.results import DamagedRecords, collect, stores
+    from ethogram.core.errors import UnknownName
+
+    held = stores(Path(folder))
+    if study not in held:
+        raise UnknownName("study with results here", study, held)
+    collected = collect(held[study])
+    if collected.damages:
+        raise DamagedRecords("\n".join(damage for _, damage in collected.damages))
+    return collected.records
