@@ -11,9 +11,9 @@ from jax import Array
 from jaxtyping import Key
 
 from ethogram.core.errors import InvalidSettings
-from ethogram.core.rollout import Policy, rollout
-from ethogram.core.world import PerRole, Transition, World
-from ethogram.learners.episodes import episode_returns
+from ethogram.core.rollout import Policy
+from ethogram.core.world import PerRole, World
+from ethogram.learners.episodes import returns_of_policy
 from ethogram.worlds import WORLDS
 
 if TYPE_CHECKING:
@@ -54,24 +54,8 @@ def evaluate(world: World, policy: Policy, key: Key[Array, ""], episodes: int = 
         episodes: how many, played side by side, each from its start to its end.
 
     """
-    return _returns(world, policy, jax.random.split(key, episodes))
-
-
-@eqx.filter_jit
-def _returns(world: World, policy: Policy, keys: Key[Array, "episode"]) -> PerRole:
-    def play(key: Key[Array, ""]) -> Transition:
-        kept: Transition = rollout(world, policy, key, world.horizon, keep=_rewards)[1]
-        return kept
-
-    return episode_returns(jax.vmap(play)(keys))
-
-
-def _rewards(transition: Transition) -> Transition:
-    """What returns are made of."""
-    outcome = dataclasses.replace(transition.outcome, observation={}, metrics={})
-    return dataclasses.replace(
-        transition, state=None, next_state=None, observation={}, action={}, outcome=outcome
-    )
+    keys = jax.random.split(key, episodes)
+    return eqx.filter_jit(returns_of_policy)(world, policy, keys)
 
 
 def load_records(folder: str | Path, study: str) -> "Records":

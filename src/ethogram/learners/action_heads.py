@@ -19,6 +19,7 @@ from ethogram.core.spaces import Box, Discrete, Simplex, Space
 from ethogram.learners.distributions import gumbel_softmax
 from ethogram.learners.networks import used_features
 
+HEADS = (Discrete, Simplex, Box)
 OUT_OF_REACH = -1e9  # a logit that no noise lifts
 
 
@@ -29,7 +30,7 @@ def require_head(owner: str, role: str, space: Space) -> None:
         EthogramError: the space is neither `Discrete` nor `Simplex` nor a bounded `Box`.
 
     """
-    if not isinstance(space, Discrete | Simplex | Box):
+    if not isinstance(space, HEADS):
         raise EthogramError(
             f"{owner} needs actions that are Discrete, Simplex or Box; those of {role!r} are "
             f"{type(space).__name__}."

@@ -14,7 +14,7 @@ no world gives that of its best individual, Float[...].
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -23,10 +23,18 @@ from jaxtyping import Key, PyTree
 
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
+from ethogram.core.spaces import Box, Discrete, MultiDiscrete, Simplex
 from ethogram.core.world import PerRole
 
 LearnerState: TypeAlias = PyTree[Array]  # what a learner has learned so far: arrays only
 Metrics: TypeAlias = dict[str, Any]  # arrays, or arrays per role
+
+
+class Spaces(NamedTuple):
+    """Kinds of spaces that a learner can use, in its attribute `spaces`; unless it says, all."""
+
+    observation: tuple[type, ...] = (Discrete, MultiDiscrete, Simplex, Box)
+    action: tuple[type, ...] = (Discrete, MultiDiscrete, Simplex, Box)
 
 
 @runtime_checkable

@@ -19,7 +19,7 @@ over all episodes from the first, in which the policy was worse.
 """
 
 from math import prod
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import equinox as eqx
 import jax
@@ -35,7 +35,7 @@ from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
-from ethogram.learners.base import Metrics
+from ethogram.learners.base import Metrics, Spaces
 from ethogram.learners.distributions import epsilon_greedy
 from ethogram.learners.episodes import (
     episode_returns,
@@ -196,6 +196,8 @@ class MonteCarloControl(Module):
     Every agent of every role learns alone.  An episode that is cut by a time limit counts as
     complete, so let it be long against 1 / (1 - discount).
     """
+
+    spaces: ClassVar[Spaces] = Spaces((Discrete,), (Discrete,))
 
     world: World
     epsilon: Schedule = Constant(0.1)

@@ -1,5 +1,6 @@
 """Episodes played side by side by one policy, and what each agent earned in them."""
 
+import dataclasses
 from collections.abc import Iterable
 
 import jax
@@ -59,3 +60,28 @@ def episode_returns(transitions: Transition) -> PerRole:
         some = jnp.where(counted[role], reward, 0.0).sum(-2)  # XLA adds these in another order
         returns[role] = jnp.where(counted[role].all(-2), reward.sum(-2), some)
     return returns
+
+
+def returns_of_policy(world: World, policy: Policy, key: Key[Array, "episode"]) -> PerRole:
+    """What each agent earns in whole episodes, not discounted: Float[episode, agent] per role.
+
+    Args:
+        world: any world.
+        policy: `policy(key, observation) -> action`, per role.
+        key: one per episode, consumed; the same key gives the same episode.
+
+    """
+
+    def play(key: Key[Array, ""]) -> Transition:
+        kept: Transition = rollout(world, policy, key, world.horizon, keep=_rewards)[1]
+        return kept
+
+    return episode_returns(jax.vmap(play)(key))
+
+
+def _rewards(transition: Transition) -> Transition:
+    """What returns are made of."""
+    outcome = dataclasses.replace(transition.outcome, observation={}, metrics={})
+    return dataclasses.replace(
+        transition, state=None, next_state=None, observation={}, action={}, outcome=outcome
+    )

@@ -58,6 +58,7 @@ from ethogram.core.spaces import Box
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
 from ethogram.learners.action_heads import (
+    HEADS,
     decoded_action,
     encoded_action,
     reachable,
@@ -65,7 +66,7 @@ from ethogram.learners.action_heads import (
     with_noise,
 )
 from ethogram.learners.actor_critic import Agent, agent_bytes
-from ethogram.learners.base import Metrics
+from ethogram.learners.base import Metrics, Spaces
 from ethogram.learners.critic_input import (
     critic_input,
     encode_actions,
@@ -126,6 +127,7 @@ class MADDPG(Module):
     Roles that are not to learn are given a policy by `ethogram.core.wrappers.GivenPolicies`.
     """
 
+    spaces: ClassVar[Spaces] = Spaces(action=HEADS)
     undefined_metrics: ClassVar[frozenset[str]] = frozenset({"critic_loss", "actor_loss"})
 
     world: World

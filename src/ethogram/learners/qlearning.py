@@ -23,7 +23,7 @@ opposite); ties in the argmax are broken at random (a table of zeros with first-
 coordinate everyone on resource 1); probabilities are multiples of 2^-16.
 """
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -41,7 +41,7 @@ from ethogram.core.rollout import Policy
 from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import LARGEST_INDEX, Discrete, Space
 from ethogram.core.world import PerRole, World
-from ethogram.learners.base import Metrics
+from ethogram.learners.base import Metrics, Spaces
 from ethogram.learners.distributions import epsilon_greedy
 from ethogram.learners.episodes import role_keys
 from ethogram.learners.returns import td_target
@@ -71,6 +71,8 @@ class QLearning(Module):
 
     An update plays and learns from one episode.
     """
+
+    spaces: ClassVar[Spaces] = Spaces((Discrete,), (Discrete,))
 
     world: World
     epsilon: Schedule = ExponentialDecay()

@@ -54,7 +54,7 @@ class DiscretizeObservation(Wrapper):
         """The other world's, with other observations."""
         return {
             name: dataclasses.replace(
-                role, observation=Discrete(prod(_sizes(role.observation, self.bins)))
+                role, observation=Discrete(prod(digit_sizes(role.observation, self.bins)))
             )
             for name, role in self.world.roles.items()
         }
@@ -88,7 +88,7 @@ class DiscretizeObservation(Wrapper):
         space = self._bounded(space) if isinstance(space, Box) else Box(0.0, 1.0, space.shape)
         share = (value - space.low) / (space.high - space.low)
         bin_ = jnp.clip(jnp.floor(self.bins * share), 0, self.bins - 1).astype(jnp.int32)
-        return encode_mixed_radix(bin_.reshape(len(value), -1), _sizes(space, self.bins))
+        return encode_mixed_radix(bin_.reshape(len(value), -1), digit_sizes(space, self.bins))
 
     def _bounded(self, space: Box) -> Box:
         low = space.low if self.low is None else self.low
@@ -134,7 +134,7 @@ class DiscretizeAction(Wrapper):
         return self.world.step(key, state, taken)
 
     def _count(self, space: Space) -> int:
-        return space.n if isinstance(space, Simplex) else prod(_sizes(space, self.bins))
+        return space.n if isinstance(space, Simplex) else prod(digit_sizes(space, self.bins))
 
     def _value(self, space: Space, number: Int[Array, "agent"]) -> Array:
         match space:
@@ -147,7 +147,7 @@ class DiscretizeAction(Wrapper):
                     number = jnp.where(jnp.asarray(used)[number], number, jnp.argmax(used))
                 return jax.nn.one_hot(number, n)
             case Box():
-                steps = decode_mixed_radix(number, _sizes(space, self.bins))
+                steps = decode_mixed_radix(number, digit_sizes(space, self.bins))
                 share = steps.reshape(len(number), *space.shape) / (self.bins - 1)
                 return space.nearest(space.low + share * (space.high - space.low))
 
@@ -179,7 +179,7 @@ def require_countable(owner: str, role: str, space: Space, bins: int) -> None:
         TooLarge: naming role and number.
 
     """
-    count = prod(_sizes(space, bins))
+    count = prod(digit_sizes(space, bins))
     if count > LARGEST_INDEX:
         raise TooLarge(
             f"{owner} with bins = {bins} tells {readable_count(count)} values apart in the "
@@ -199,8 +199,8 @@ def decode_mixed_radix(number: Int[Array, "*batch"], sizes: tuple[int, ...]) -> 
     return number[..., None] // weights % np.array(sizes, np.int32)
 
 
-def _sizes(space: Space, bins: int) -> tuple[int, ...]:
-    """How many values of each number of a space are told apart."""
+def digit_sizes(space: Space, bins: int) -> tuple[int, ...]:
+    """How many values of each number of a space are told apart, with bins for real ones."""
     match space:
         case Discrete(n):
             return (n,)
