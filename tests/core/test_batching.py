@@ -31,6 +31,13 @@ def test_a_batch_of_batches_is_read_and_written_as_its_vectors_are():
     np.testing.assert_array_equal(found, each(put, VALUES, distinct, NEW))
 
 
+def test_rows_of_a_batch_of_matrices_are_read_as_those_of_each():
+    matrices = jnp.stack([VALUES, -VALUES], -1)
+    found = jax.vmap(jax.vmap(take))(matrices, INDEX)
+    expected = np.take_along_axis(np.asarray(matrices), np.asarray(INDEX)[..., None], 2)
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize("axes", [(0, None), (None, 0), (0, 0)])
 def test_any_part_of_a_read_can_be_batched(axes):
     values = VALUES[0] if axes[0] == 0 else VALUES[0, 0]

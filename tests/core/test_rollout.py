@@ -78,3 +78,17 @@ def test_a_checked_world_steps_like_the_other_and_stops_at_an_action_out_of_its_
     play(world, jnp.int32(1))  # takes 2 for 1
     with pytest.raises(RuntimeError, match=r"'agent' is out of Discrete\(n=2\)"):
         play(Checked(world), jnp.int32(1))
+
+
+def test_of_a_transition_is_stored_what_is_asked_for_and_what_a_policy_says_beside_its_action():
+    def talking(key, observation):
+        return obey(key, observation), {"value": observation["agent"] * 10.0}
+
+    def keep(transition):
+        return transition.extras["value"], transition.outcome.acting
+
+    _, (value, acting) = rollout(Counter(), talking, jax.random.key(0), 4, keep=keep)
+    np.testing.assert_array_equal(value[:, 0], [0.0, 10.0, 20.0, 0.0])
+    assert acting["agent"].all()  # unless the world says otherwise
+    _, whole = rollout(Counter(), obey, jax.random.key(0), 1)
+    assert whole.extras is None
