@@ -18,8 +18,9 @@ PI_OF_THE_TIME_STEP = 3.1415926  # the original simulator's, in this place alone
 class Material(Module):
     """Constants of voxels, beams and floor; SI units.
 
-    The defaults are those of the thesis' simulator.  Mass and moment of inertia are the same whatever edge is commanded, and so is a beam's
-    stiffness: that of a square beam of the edge at rest.
+    The defaults are those of the thesis' simulator.  Mass and moment of inertia are the same
+    whatever edge is commanded, and so is a beam's stiffness: that of a square beam of the edge at
+    rest.
     """
 
     edge: Number = setting(0.01, Positive)  # L, m, at rest
