@@ -330,7 +330,9 @@ def test_costs_are_computed_once_per_shape_and_nothing_is_built_for_them(monkeyp
         (at.world.targets, at.world.allow_silence, at.talkers)
         for at in (case.parsed(Settings) for case in found)
     }
-    assert specs._spec.cache_info().misses <= 2 * len(shapes)
+    assert specs._spec.cache_info().misses <= 3 * len(
+        shapes
+    )  # of baselines, the world in the wrapper too
 
 
 def test_the_smallest_learner_takes_the_time_of_its_steps_and_rounds():

@@ -17,7 +17,7 @@ from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import NoCommunication, Optimal
 
 NAME = "language"
-VERSION = "1"  # goes up whenever the same settings would give other numbers
+VERSION = "2"  # goes up whenever the same settings would give other numbers
 
 ROUNDING = 1e-9  # of an expressiveness that is a fraction: 1/9 x 9 is one symbol
 

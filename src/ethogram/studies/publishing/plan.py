@@ -26,7 +26,7 @@ from ethogram.studies.publishing.condition import (
 )
 from ethogram.studies.publishing.readings import OF_LEARNED, READINGS, Scalar, reading_of
 from ethogram.worlds.publishing import Publishing
-from ethogram.worlds.publishing.learnable import Learnable, Reward
+from ethogram.worlds.publishing.learnable import LearnablePublishing, Reward
 from ethogram.worlds.publishing.policies import (
     BINS,
     MAX_REJECTIONS,
@@ -217,7 +217,7 @@ def learner_of(settings: Settings) -> QLearning | None:
     if "learned" not in (settings.author, settings.editor):
         return None
     authors = settings.author == "learned"
-    world = Learnable(
+    world = LearnablePublishing(
         world_of(settings),
         others=editor_of(settings) if authors else author_of(settings),
         learns="author" if authors else "editor",
