@@ -1,6 +1,6 @@
 """How much the last bits of numbers matter to the way that evolved robots go.
 
-    python benchmarks/rounding.py [docs/results/records] [--abreast 16]
+    python benchmarks/rounding.py [docs/results/records] [--block-size 16]
 
 The best robots of the study `sensing`, as stored, travel again as they were evolved, which gives
 their fitness to the last bit on the type of machine that evolved them, and in blocks of another
@@ -13,14 +13,14 @@ import time
 from pathlib import Path
 
 PUBLISHED = Path(__file__).parents[1] / "docs/results/records"
-ABREAST = 16
+BLOCK_SIZE = 16
 
 
 def main() -> None:
     """Simulate the robots of every stored case again, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=PUBLISHED, help="of results")
-    parser.add_argument("--abreast", type=int, default=ABREAST, help="robots in a block")
+    parser.add_argument("--block-size", type=int, default=BLOCK_SIZE, help="robots in a block")
     options = parser.parse_args()
 
     from ethogram.campaign.threads import limit_threads
@@ -33,7 +33,7 @@ def main() -> None:
     from ethogram.campaign.results import collect, stores
     from ethogram.studies.sensing.compute import learner_of
     from ethogram.studies.sensing.plan import NAME, Settings, controller_of, world_of
-    from ethogram.worlds.softbody3d.locomotion import travel
+    from ethogram.worlds.softbody.simulation import simulate
 
     began = time.monotonic()
     found = collect(stores(options.folder)[NAME])
@@ -45,16 +45,16 @@ def main() -> None:
     for manifest in found.manifests:
         case, data = manifest.case, found.records[manifest.case.name]["results"]
         settings = case.parsed(Settings)
-        gravity = learner_of(settings).evaluate.gravity
+        gravity = learner_of(settings).fitness.gravity
         genes = jnp.asarray(data["genome"].values.T)
-        go = eqx.filter_jit(travel)
+        go = eqx.filter_jit(simulate)
         same, other = (
             np.asarray(
                 go(
-                    world_of(settings), controller_of(settings), genes, gravity, abreast=size
+                    world_of(settings), controller_of(settings), genes, gravity, block_size=size
                 ).distance
             )
-            for size in (None, options.abreast)
+            for size in (None, options.block_size)
         )
         fitness = data["fitness"].values[:, -1]
         if not np.array_equal(same, fitness):

@@ -4,9 +4,9 @@
 
 Voxel-steps per second: one voxel through one step of the physics, with its bonds, contacts,
 sensors and controller.  A row is a body and a number of robots of it, every one with a controller
-of its own; each travels `STEPS` steps of the even surface, again and again.  The distance of every
-robot is returned and added up, so that nothing can be optimised away.  Fewer robots than a block
-holds are simulated in a block of their own size, and not filled up with copies.
+of its own; each is simulated for `STEPS` steps on the even surface, again and again.  The distance
+of every robot is returned and added up, so that nothing can be optimised away.  Fewer robots than a
+block holds are simulated in a block of their own size, and not filled up with copies.
 
 "All cores" is the sum over one such process per core at the same time, each pinned to its core,
 which is how a campaign uses the machine.  The loop in NumPy takes one bond and one voxel after the
@@ -27,7 +27,7 @@ from threading import Barrier
 BODIES = {"worm": "worm", "tripod": "tripod", "4x4x3": "|".join(["/".join(["####"] * 3)] * 4)}
 ROBOTS = (1, 32, 256, 2048)
 KINDS = ("non-sensing", "sensing")
-STEPS, SECONDS = 200, 1.5  # of a journey; of a measurement, at least
+STEPS, SECONDS = 200, 1.5  # of a simulation; of a measurement, at least
 LOOPED = 200  # steps of the loop in NumPy
 PATIENCE = 300.0  # seconds that a process waits for the others
 THESIS_VOXEL_STEPS = 3 * 2 * 2 * 30 * 6230 * 10_000 * 6  # six voxels on average
@@ -40,33 +40,33 @@ def rates(body: str, kind: str, core: int, together: Barrier) -> list[float]:
     import jax
     import jax.numpy as jnp
 
-    from ethogram.worlds.softbody3d import SoftBody3D
-    from ethogram.worlds.softbody3d.controllers import NonSensing, Sensing
-    from ethogram.worlds.softbody3d.gravity import schedule
-    from ethogram.worlds.softbody3d.locomotion import ABREAST, travel
+    from ethogram.worlds.softbody import SoftBody3D
+    from ethogram.worlds.softbody.controllers import NonSensing, Sensing
+    from ethogram.worlds.softbody.gravity import schedule
+    from ethogram.worlds.softbody.simulation import BLOCK_ROBOTS, simulate
 
     world = SoftBody3D(body=body)
     voxels = len(world.cells)
     controller = NonSensing(voxels) if kind == "non-sensing" else Sensing(voxels)
     gravity = schedule("even", STEPS)
-    go = eqx.filter_jit(travel)
+    go = eqx.filter_jit(simulate)
     found = []
     for robots in ROBOTS:
         genes = jax.random.uniform(
-            jax.random.key(0), (controller.genes, robots), minval=-1.0, maxval=1.0
+            jax.random.key(0), (controller.search_space.size, robots), minval=-1.0, maxval=1.0
         )
-        block = robots if robots < ABREAST else None
-        way = go(world, controller, genes, gravity, abreast=block).distance  # compiles
+        block = robots if robots < BLOCK_ROBOTS else None
+        way = go(world, controller, genes, gravity, block_size=block).distance  # compiles
         together.wait()
-        began, journeys, total = time.perf_counter(), 0, 0.0
+        began, episodes, total = time.perf_counter(), 0, 0.0
         while time.perf_counter() - began < SECONDS:
-            way = go(world, controller, genes, gravity, abreast=block).distance
+            way = go(world, controller, genes, gravity, block_size=block).distance
             total += float(jnp.nansum(jnp.abs(way)))
-            journeys += 1
+            episodes += 1
         spent = time.perf_counter() - began
         if not total > 0:
             raise RuntimeError("nobody moved: the benchmark does not measure robots")
-        found.append(journeys * STEPS * robots * voxels / spent)
+        found.append(episodes * STEPS * robots * voxels / spent)
     return found
 
 
@@ -78,10 +78,10 @@ def looped(body: str, core: int) -> float:
     import numpy as np
     from tests.oracles.beams3d import TIME, Body
 
-    from ethogram.worlds.softbody3d import SoftBody3D
-    from ethogram.worlds.softbody3d.controllers import NonSensing
-    from ethogram.worlds.softbody3d.gravity import schedule
-    from ethogram.worlds.softbody3d.locomotion import travel
+    from ethogram.worlds.softbody import SoftBody3D
+    from ethogram.worlds.softbody.controllers import NonSensing
+    from ethogram.worlds.softbody.gravity import schedule
+    from ethogram.worlds.softbody.simulation import simulate
 
     world = SoftBody3D(body=body)
     cells = world.cells
@@ -95,7 +95,7 @@ def looped(body: str, core: int) -> float:
         plain.step(edges, (0.0, 0.0, -9.81))
     spent = time.perf_counter() - began
     way = np.mean(plain.position, 0)[0] - start
-    ours = travel(world, NonSensing(len(cells)), jnp.asarray(genes), schedule("even", LOOPED))
+    ours = simulate(world, NonSensing(len(cells)), jnp.asarray(genes), schedule("even", LOOPED))
     if not np.isclose(ours.distance[0], way, rtol=0.02, atol=1e-6):
         raise RuntimeError(f"{body}: the loop goes {way} m, Ethogram {ours.distance[0]} m")
     return LOOPED * len(cells) / spent

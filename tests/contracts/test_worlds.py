@@ -7,21 +7,51 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tests.learners.toys import Market, Reach
 
 from ethogram.core.actions import InvalidAction, nearest
 from ethogram.core.rollout import episode_ended
 from ethogram.core.spaces import Box, Discrete, Simplex
 from ethogram.core.world import World
+from ethogram.core.wrappers import (
+    DiscretizeAction,
+    DiscretizeObservation,
+    GivenPolicies,
+    RepeatAction,
+    RescaleAction,
+    RescaleObservation,
+    TimeLimit,
+)
 from ethogram.worlds import WORLDS
+from ethogram.worlds.language import Language
 
 STEPS = 12
 EAGER = 3  # of them: each may compile its loops anew
 
 
-@pytest.fixture(scope="module", params=WORLDS)
+def silent(key, observation):
+    """Talkers that choose word 0."""
+    del key
+    return jnp.tile(jnp.eye(5)[0], (len(observation), 1))
+
+
+# each around a small world whose spaces it is for
+WRAPPED = {
+    "DiscretizeAction": lambda: DiscretizeAction(Market()),
+    "DiscretizeAction of a box": lambda: DiscretizeAction(Reach(), bins=3),
+    "DiscretizeObservation": lambda: DiscretizeObservation(Market(), bins=3),
+    "GivenPolicies": lambda: GivenPolicies(Language(), {"talker": silent}),
+    "RepeatAction": lambda: RepeatAction(Language(), times=4),
+    "RescaleAction": lambda: RescaleAction(Reach()),
+    "RescaleObservation": lambda: RescaleObservation(Reach()),
+    "TimeLimit": lambda: TimeLimit(Language(), steps=7),
+}
+
+
+@pytest.fixture(scope="module", params=[*WORLDS, *WRAPPED])
 def played(request):
     """A world with its default settings, and a few random steps in it, eager and jitted."""
-    world = WORLDS[request.param]()
+    world = (WRAPPED.get(request.param) or WORLDS[request.param])()
     traces = []
 
     @eqx.filter_jit
@@ -91,8 +121,9 @@ def test_observations_are_in_their_spaces_and_all_numbers_are_finite(played):
             assert role.observation.contains(observation[name]).all()
     for _, _, outcome in steps:
         for name, role in world.roles.items():
-            for part in (outcome.reward, outcome.terminated, outcome.truncated):
+            for part in (outcome.reward, outcome.terminated, outcome.truncated, outcome.acting):
                 assert part[name].shape == (role.agents,)
+            assert outcome.acting[name].dtype == bool
             assert jnp.isfinite(outcome.reward[name]).all()
 
 

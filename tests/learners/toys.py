@@ -41,7 +41,7 @@ class Market(World):
     def roles(self):  # not in alphabetical order, on purpose
         used = jnp.array([True, False, True])
         return {
-            "seller": Role(2, Box(-10.0, 10.0, (3,), used), Simplex(3, used)),
+            "seller": Role(2, Box(-50.0, 50.0, (3,), used), Simplex(3, used)),
             "buyer": Role(1, MultiDiscrete((2, 3)), Discrete(4)),
         }
 
@@ -75,6 +75,50 @@ class Market(World):
             reward={"seller": after.stock * (1 + after.mood), "buyer": earned[None]},
             terminated={"seller": jnp.tile(over, 2), "buyer": over[None]},
             truncated={"seller": jnp.tile(late, 2), "buyer": late[None]},
+        )
+
+
+class Spot(eqx.Module):
+    """Where a hand and its target are."""
+
+    hand: Float[Array, "2"]
+    target: Float[Array, "2"]
+    time: Int[Array, ""]
+
+
+class Reach(World):
+    """A hand in a square of side 2 moves by up to `pace` an axis, and earns minus its distance.
+
+    It terminates within 0.1 of the target, and is cut after 10 steps.
+    """
+
+    pace: Number = eqx.field(default=0.5, converter=jnp.asarray)
+
+    @property
+    def horizon(self):
+        return 10
+
+    @property
+    def roles(self):
+        return {"hand": Role(1, Box(-1.0, 3.0, (2, 2)), Box(-self.pace, 2 * self.pace, (2,)))}
+
+    def reset(self, key):
+        spot = Spot(jnp.zeros(2), jax.random.uniform(key, (2,), minval=-1.0), jnp.int32(0))
+        return spot, self.observe(spot)
+
+    def observe(self, state):
+        return {"hand": jnp.stack([state.hand, state.target])[None]}
+
+    def step(self, key, state, action):
+        del key  # it moves as it is told
+        hand = jnp.clip(state.hand + action["hand"][0], -1.0, 1.0)
+        after = Spot(hand, state.target, state.time + 1)
+        distance = jnp.abs(hand - state.target).sum()
+        return after, Outcome(
+            observation=self.observe(after),
+            reward={"hand": -distance[None]},
+            terminated={"hand": (distance < 0.1)[None]},
+            truncated={"hand": ((distance >= 0.1) & (after.time >= 10))[None]},
         )
 
 

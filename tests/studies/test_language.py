@@ -17,7 +17,7 @@ from ethogram.core.scene import Scene
 from ethogram.core.wrappers import RolePolicies
 from ethogram.learners.train import Diverged
 from ethogram.studies import language as study
-from ethogram.studies.language import compute
+from ethogram.studies import training
 from ethogram.studies.language.metrics import association_information
 from ethogram.studies.language.plan import Settings, condition_of, learner_of, world_of
 from ethogram.studies.language.validation import influence, watch
@@ -35,7 +35,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_play():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "train", partial(compute.train, seconds=0))
+        patch.setattr(training, "train", partial(training.train, seconds=0))
         yield
 
 
@@ -330,7 +330,9 @@ def test_costs_are_computed_once_per_shape_and_nothing_is_built_for_them(monkeyp
         (at.world.targets, at.world.allow_silence, at.talkers)
         for at in (case.parsed(Settings) for case in found)
     }
-    assert specs._spec.cache_info().misses <= 2 * len(shapes)
+    assert specs._spec.cache_info().misses <= 3 * len(
+        shapes
+    )  # of baselines, the world in the wrapper too
 
 
 def test_the_smallest_learner_takes_the_time_of_its_steps_and_rounds():

@@ -11,8 +11,9 @@ from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.scene import Scene, Shape, tints
 from ethogram.studies import publishing as study
-from ethogram.studies.publishing import compute, results, robustness
+from ethogram.studies import training
 from ethogram.studies.publishing import records as kept
+from ethogram.studies.publishing import results, robustness
 from ethogram.studies.publishing.condition import (
     AUTHOR_LEARNS,
     BIG,
@@ -40,7 +41,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_episode():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "train", partial(compute.train, seconds=0))
+        patch.setattr(training, "train", partial(training.train, seconds=0))
         yield
 
 

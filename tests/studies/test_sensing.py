@@ -13,6 +13,7 @@ from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.scene import Scene
 from ethogram.studies import sensing as study
+from ethogram.studies import training
 from ethogram.studies.sensing import compute
 from ethogram.studies.sensing.plan import Settings, condition_of, controller_of, world_of
 from ethogram.worlds.softbody.gravity import program, schedule
@@ -30,7 +31,7 @@ def cases(plan, *changes):
 @pytest.fixture(scope="module", autouse=True)
 def _checkpoint_after_every_generation():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compute, "train", partial(compute.train, seconds=0))
+        patch.setattr(training, "train", partial(training.train, seconds=0))
         yield
 
 

@@ -13,6 +13,7 @@ from ethogram.core.errors import TooLarge
 from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome, Transition
 from ethogram.studies import sharing as study
+from ethogram.studies import training
 from ethogram.studies.sharing import compute
 from ethogram.studies.sharing import results as measure
 from ethogram.studies.sharing.compute import inequality
@@ -253,7 +254,7 @@ def test_claims_say_when_they_were_stated_and_what_was_changed_since():
 
 
 def test_a_checkpoint_goes_on_to_the_same_record(monkeypatch):
-    monkeypatch.setattr(compute, "train", partial(compute.train, seconds=0))
+    monkeypatch.setattr(training, "train", partial(training.train, seconds=0))
     case = study.cases(
         study.PLANS["smoke"].override(
             ["world.scenario=mixed", "strategy=none", "world.observe_filling=true"]

@@ -426,6 +426,14 @@ def test_an_undecided_claim_says_about_how_many_trials_would_decide_it(side):
     assert not decided(round(0.8 * more / 8))
 
 
+def test_a_term_that_counts_for_nothing_leaves_the_bounds_as_they_are():
+    alone = (1.0, Trials("measured", np.arange(8.0), Support(low=0.0)))
+    nothing = (0.0, Trials("without bounds", np.ones(8)))
+    claim, other = verdict(part(alone, nothing)), verdict(part(alone))
+    assert (claim.low, claim.high, claim.p_value) == (other.low, other.high, other.p_value)
+    assert claim.low >= 0
+
+
 def test_where_more_trials_would_not_decide_it_none_are_named():
     at_the_margin = verdict(part((1.0, trials(-1, 1, -2, 2, 1e-6))))
     capped = Trials("capped", np.full(9, 5.0), Support(high=5.0, capped=True))

@@ -6,13 +6,13 @@ import pytest
 
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.indicators import INDICATORS
-from ethogram.worlds.publishing.learnable import Learnable
+from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.policies import Minded, Random, Scrutiny
 
 SYSTEM = Publishing(authors=12, journals=10, initial_papers=60, years=2, steps_per_year=3)
 WORLDS = {
-    "author": Learnable(SYSTEM, Scrutiny(0.25), "author"),
-    "editor": Learnable(SYSTEM, Random(), "editor"),
+    "author": LearnablePublishing(SYSTEM, Scrutiny(0.25), "author"),
+    "editor": LearnablePublishing(SYSTEM, Random(), "editor"),
 }
 MOVES = np.array([[0, 1, 2, 2, 2, 2], [2, 2, 2, 0, 1, 2]])  # of even and of odd agents, by step
 
@@ -73,7 +73,7 @@ def test_learners_earn_what_their_indicator_gains(played):
         system.citation_stats.h_index if world.learns == "author" else np.nan_to_num(system.impact)
     )
     np.testing.assert_allclose(outcomes.reward[world.learns], np.diff(level, axis=0), atol=1e-6)
-    paid = Learnable(SYSTEM, world.others, world.learns, reward="level")
+    paid = LearnablePublishing(SYSTEM, world.others, world.learns, reward="level")
     pay = jax.vmap(paid._pay, (0, 0))(jax.tree.map(lambda part: part[1:], system), outcomes)
     ends = (np.arange(world.horizon) + 1) % SYSTEM.steps_per_year == 0
     due = level[1:] if world.learns == "author" else level[1:] * ends[:, None]
@@ -110,6 +110,6 @@ def test_indicators_are_those_of_the_state_by_name(played):
 
 
 def test_a_default_learner_is_one_of_the_thesis():
-    world = Learnable(Publishing(), Minded(15.0), "editor")
+    world = LearnablePublishing(Publishing(), Minded(15.0), "editor")
     assert world.roles["editor"].observation.n == 1000
     assert world.horizon == 200

@@ -17,7 +17,7 @@ from ethogram.core.rollout import rollout, watch
 from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete, Simplex
 from ethogram.worlds import WORLDS
-from ethogram.worlds.publishing.learnable import Learnable
+from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.learnable import State as Learning
 from ethogram.worlds.publishing.policies import Ranking, Scrutiny
 from ethogram.worlds.publishing.scene import glimpse, record
@@ -185,7 +185,7 @@ def test_the_scene_of_whole_years_is_that_which_the_study_records(episodes):
 
 def test_a_system_in_which_somebody_learns_is_shown_as_any_other(episodes):
     system, trajectory = episodes("publishing")
-    world = Learnable(system, Scrutiny(0.25), ranking=Ranking(bins=3))
+    world = LearnablePublishing(system, Scrutiny(0.25), ranking=Ranking(bins=3))
     level = jnp.zeros((STEPS, system.authors), int)
     states = tuple(
         jax.vmap(Learning)(part, level) for part in (trajectory.state, trajectory.next_state)

@@ -12,6 +12,7 @@ WORLDS: "Registry[type[World]]" = Registry(
     "ethogram.worlds",
     {
         "language": "ethogram.worlds.language:Language",
+        "learnable_publishing": "ethogram.worlds.publishing.learnable:LearnablePublishing",
         "publishing": "ethogram.worlds.publishing:Publishing",
         "sharing": "ethogram.worlds.sharing:Sharing",
         "softbody3d": "ethogram.worlds.softbody:SoftBody3D",

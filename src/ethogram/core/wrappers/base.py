@@ -32,7 +32,7 @@ class Wrapper(World, any_action=True):
         """As the other world."""
         return self.world.observe(state)
 
-    def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
+    def step(self, key: Key[Array, ""], state: Any, action: Any) -> tuple[Any, Outcome]:
         """As the other world."""
         return self.world.step(key, state, action)
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from jaxtyping import Array, Key
 
-from ethogram.core.world import Outcome, PerRole
+from ethogram.core.world import Outcome
 from ethogram.core.wrappers.base import Wrapper
 
 
@@ -16,6 +16,6 @@ class Checked(Wrapper, any_action=True):
     other world would have taken for another one.
     """
 
-    def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
+    def step(self, key: Key[Array, ""], state: Any, action: Any) -> tuple[Any, Outcome]:
         """As the other world, after a check of the action."""
         return self.world.step(key, state, self.world.check(action))

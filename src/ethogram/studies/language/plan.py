@@ -2,20 +2,22 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.world import World
 from ethogram.core.wrappers import GivenPolicies
 from ethogram.learners.maddpg import MADDPG, PRESETS
 from ethogram.worlds.language import Language
 from ethogram.worlds.language.policies import NoCommunication, Optimal
 
 NAME = "language"
-VERSION = "1"  # goes up whenever the same settings would give other numbers
+VERSION = "2"  # goes up whenever the same settings would give other numbers
 
 ROUNDING = 1e-9  # of an expressiveness that is a fraction: 1/9 x 9 is one symbol
 
@@ -64,8 +66,15 @@ class Condition(NamedTuple):
 
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(Language):
+        """Those of the world."""
+
+    class LearnerSettings(MADDPG):
+        """Those of the learner, without its world."""
+
+        world: World = field(init=False)
+
 else:
     WorldSettings = settings_of(Language, omit=("vocabulary_size", "max_vocabulary_size"))
     LearnerSettings = settings_of(MADDPG)

@@ -33,7 +33,7 @@ from ethogram.studies.publishing.plan import (
 from ethogram.studies.training import Arrays, train_case
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.indicators import INDICATORS
-from ethogram.worlds.publishing.learnable import Learnable
+from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.literature import first_block
 from ethogram.worlds.publishing.scene import Glimpse, glimpse, record
 from ethogram.worlds.publishing.state import State
@@ -167,7 +167,7 @@ def _watch(
 
 
 def _play(world: World, policy: Policy, key: Key[Array, ""]) -> Played:
-    system = world.system if isinstance(world, Learnable) else world
+    system = world.system if isinstance(world, LearnablePublishing) else world
     assert isinstance(system, Publishing)
     for_start, for_steps = jax.random.split(key)
     start, seen = world.reset(for_start)

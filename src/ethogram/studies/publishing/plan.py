@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -12,6 +13,7 @@ from ethogram.campaign.settings_json import flatten, to_json
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import Policy
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.world import World
 from ethogram.core.wrappers import RolePolicies, RolePolicy
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.schedules import ExponentialDecay
@@ -24,7 +26,7 @@ from ethogram.studies.publishing.condition import (
 )
 from ethogram.studies.publishing.readings import OF_LEARNED, READINGS, Scalar, reading_of
 from ethogram.worlds.publishing import Publishing
-from ethogram.worlds.publishing.learnable import Learnable, Reward
+from ethogram.worlds.publishing.learnable import LearnablePublishing, Reward
 from ethogram.worlds.publishing.policies import (
     BINS,
     MAX_REJECTIONS,
@@ -43,9 +45,18 @@ VERSION = "4"  # goes up whenever the same settings would give other numbers
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    ExplorationSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(Publishing):
+        """Those of the world."""
+
+    class ExplorationSettings(ExponentialDecay):
+        """Those of the schedule."""
+
+    class LearnerSettings(QLearning):
+        """Those of the learner, without its world."""
+
+        world: World = field(init=False)
+
 else:
     WorldSettings = settings_of(Publishing)
     ExplorationSettings = settings_of(ExponentialDecay)
@@ -206,7 +217,7 @@ def learner_of(settings: Settings) -> QLearning | None:
     if "learned" not in (settings.author, settings.editor):
         return None
     authors = settings.author == "learned"
-    world = Learnable(
+    world = LearnablePublishing(
         world_of(settings),
         others=editor_of(settings) if authors else author_of(settings),
         learns="author" if authors else "editor",

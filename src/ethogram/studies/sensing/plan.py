@@ -1,15 +1,18 @@
 """Settings, conditions and plans of the study: what is run, and at what price."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 
 from pydantic import Field
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.errors import InvalidSettings
+from ethogram.core.search_space import SearchSpace
 from ethogram.core.settings import settings_class, settings_of
 from ethogram.learners.evolution import AgeFitness
+from ethogram.learners.evolution.base import Fitness
 from ethogram.physics.beams3d import Material
 from ethogram.studies.sensing.condition import MORPHOLOGIES, NON_SENSING_LAWS, OUTPUTS, Condition
 from ethogram.worlds.softbody import SoftBody3D
@@ -30,9 +33,19 @@ Law = Literal[Actuation, Output]
 Surface = Literal["even", "uneven"]
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    MaterialSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(SoftBody3D):
+        """Those of the world."""
+
+    class MaterialSettings(Material):
+        """Those of the voxels and the floor."""
+
+    class LearnerSettings(AgeFitness):
+        """Those of the evolution, without what it searches."""
+
+        search_space: SearchSpace = field(init=False)
+        fitness: Fitness = field(init=False)
+
 else:
     WorldSettings = settings_of(SoftBody3D, omit=("max_voxels",))
     MaterialSettings = settings_of(Material)
@@ -98,7 +111,8 @@ PLANS = {
 def condition_of(settings: Settings) -> Condition:
     """The cell of the campaign that settings belong to."""
     controller = "non-sensing" if settings.law in get_args(Actuation) else "sensing"
-    return Condition(settings.world.body, controller, settings.law, settings.surface)
+    body = cast(str, settings.world.body)  # a name or text, of which worlds make a lattice
+    return Condition(body, controller, settings.law, settings.surface)
 
 
 def cases(plan: Plan[Settings]) -> list[Case]:

@@ -13,7 +13,7 @@ from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.scene import RECORDED, grouped
 from ethogram.learners.base import Metrics
-from ethogram.studies.sharing.plan import Settings, learner_of
+from ethogram.studies.sharing.plan import Settings, condition_of, learner_of
 from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched, watch
 from ethogram.studies.training import Arrays, learning_curve, train_case, training_points
 from ethogram.worlds.sharing.reward import REWARDS
@@ -104,7 +104,7 @@ def inequality(return_: np.ndarray) -> np.ndarray:
 def payoff(settings: Settings) -> np.ndarray:
     """What a place pays when shared by 1 to n_a agents (figure 3.1)."""
     world = settings.world
-    reward = REWARDS[world.scenario]
+    reward = REWARDS[condition_of(settings).scenario]
     filling = jnp.arange(1, world.agents + 1.0)
     literal = world.reward == "literal"
     return np.asarray(reward(filling, world.agents, world.resources, literal=literal))

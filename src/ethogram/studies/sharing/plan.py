@@ -1,13 +1,15 @@
 """Settings, conditions and plans of the study: what is run, and at what price."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, cast, get_args
 
 from pydantic import Field
 
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Plan
 from ethogram.core.settings import settings_class, settings_of
+from ethogram.core.world import World
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.schedules import Constant, ExponentialDecay
 from ethogram.worlds.sharing import Sharing
@@ -20,9 +22,18 @@ Strategy = Literal["always", "optional", "none", "random"]
 Count = Annotated[int, Field(ge=1, le=100_000_000)]
 
 if TYPE_CHECKING:
-    WorldSettings: TypeAlias = Any
-    ExplorationSettings: TypeAlias = Any
-    LearnerSettings: TypeAlias = Any
+
+    class WorldSettings(Sharing):
+        """Those of the world."""
+
+    class ExplorationSettings(ExponentialDecay):
+        """Those of the schedule."""
+
+    class LearnerSettings(QLearning):
+        """Those of the learner, without its world."""
+
+        world: World = field(init=False)
+
 else:
     WorldSettings = settings_of(Sharing, omit=("communication", "encoding"))
     ExplorationSettings = settings_of(ExponentialDecay)
@@ -102,7 +113,8 @@ def filling_word(observed: bool) -> str:
 
 def condition_of(settings: Settings) -> Condition:
     """The cell of the campaign that settings belong to."""
-    return Condition(settings.world.scenario, settings.strategy, settings.world.observe_filling)
+    scenario = cast(Scenario, settings.world.scenario)  # a name, of which worlds make a number
+    return Condition(scenario, settings.strategy, settings.world.observe_filling)
 
 
 def cases(plan: Plan[Settings]) -> list[Case]:

@@ -172,7 +172,7 @@ def estimate(terms: Terms) -> Effect:
     sides = [_censored(*term) for term in terms]
     certain = Effect(
         mean,
-        unseen=tuple(_unseen(*term) for term in terms if term[1].hardly_varies),
+        unseen=tuple(_unseen(*term) for term in terms if term[0] and term[1].hardly_varies),
         open_below=any(below for below, _ in sides),
         open_above=any(above for _, above in sides),
     )

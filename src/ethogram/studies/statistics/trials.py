@@ -143,6 +143,8 @@ def reach(terms: Terms) -> tuple[float, float]:
     """The least and the largest effect that there can be, of what the measures can be."""
     low = high = 0.0
     for weight, trials in terms:
+        if weight == 0:  # it bears on nothing, however far it reaches
+            continue
         support = trials.support
         ends = weight * support.low, weight * (math.inf if support.capped else support.high)
         low, high = low + min(ends), high + max(ends)

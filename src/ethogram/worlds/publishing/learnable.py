@@ -31,7 +31,7 @@ from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.core.wrappers import RolePolicy
-from ethogram.worlds.publishing.policies import Ranking
+from ethogram.worlds.publishing.policies import SHARES, Minded, Ranking, Scrutiny
 from ethogram.worlds.publishing.state import State as Inner
 from ethogram.worlds.publishing.world import Publishing
 
@@ -49,11 +49,12 @@ class State(eqx.Module):
     level: Int[Array, "agent"]  # from 0
 
 
-class Learnable(World):
+class LearnablePublishing(World):
     """One role moves its ambition or selectivity; the other follows a policy of its own."""
 
-    system: Publishing
-    others: RolePolicy  # of the role that does not learn
+    system: Publishing = eqx.field(default_factory=Publishing)
+    # of the role that does not learn; None is the thesis' own: minded authors, mild scrutiny
+    others: RolePolicy | None = None
     learns: Learning = eqx.field(static=True, default="author")
     ranking: Ranking = eqx.field(default_factory=Ranking)
     reward: Reward = eqx.field(static=True, default="change")
@@ -98,7 +99,7 @@ class Learnable(World):
         act = {
             role: self._apply(for_mine, level, at)
             if role == self.learns
-            else self.others(for_others, at)
+            else self._policy_of_others(for_others, at)
             for role, at in seen.items()
         }
         system, outcome = self.system.step(for_system, state.system, act)
@@ -117,6 +118,13 @@ class Learnable(World):
         return self.system.scene(
             eqx.tree_at(lambda step: (step.state, step.next_state), trajectory, systems)
         )
+
+    def _policy_of_others(self, key: Key[Array, ""], seen: Array) -> Array:
+        if self.others is not None:
+            return self.others(key, seen)
+        if self.learns == "author":
+            return Scrutiny(SHARES["mild_scrutiny"])(key, seen)
+        return Minded(self.system.quality_max, self.ranking)(key, seen)
 
     def _apply(self, key: Key[Array, ""], level: Int[Array, "agent"], seen: Any) -> Array:
         if self.learns == "author":

@@ -83,11 +83,11 @@ def _from_text(text: str, axes: int) -> Bool[np.ndarray, "..."]:
     grid = filled.reshape(len(sides), *next(iter(sizes), (0, 0))).transpose(2, 0, 1)
     if axes == SPACE:
         return grid
-    if len(sides) > 1:
+    if len(sides) != 1:
         raise InvalidSettings(
             f"body {_quoted(text)} has {len(sides)} layers; allowed in the plane: one."
         )
-    return grid.any(1)
+    return grid[:, 0]
 
 
 def _from_array(body: Body, axes: int) -> Bool[np.ndarray, "..."]:

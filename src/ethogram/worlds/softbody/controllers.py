@@ -72,7 +72,7 @@ class NonSensing(Controller):
         """Sizes in [-1, 1], always; phases in [-pi, pi] at first."""
         bounds = np.tile([1.0, np.pi], self.voxels)
         limits = np.tile([1.0, np.inf], self.voxels)
-        return SearchSpace(-bounds, bounds, -limits, limits)
+        return SearchSpace(*map(jnp.asarray, (-bounds, bounds, -limits, limits)))
 
     def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
         """Sine waves about each voxel's size."""
@@ -125,7 +125,7 @@ class Sensing(Controller):
         """Weights in [-1, 1] at first, without limits later."""
         bounds = np.ones((self.inputs + self.voxels) * self.hidden)
         limits = np.inf * bounds
-        return SearchSpace(-bounds, bounds, -limits, limits)
+        return SearchSpace(*map(jnp.asarray, (-bounds, bounds, -limits, limits)))
 
     def drive(self, parameters: Float[Array, "gene *batch"]) -> Drive:
         """The network with these weights."""

@@ -40,8 +40,13 @@ def length(vectors: Float[Array, "axis voxel *batch"]) -> Float[Array, "voxel *b
 def only_used(sensors: Sensors, used: Bool[Array, "voxel"]) -> Sensors:
     """The readings of a padded body: those of its padding are 0."""
     there = used.reshape(used.shape + (1,) * (sensors.scale.ndim - 1))
-    voxels = sensors.scale, sensors.speed, sensors.acceleration
-    return Sensors(*(jnp.where(there, reading, 0.0) for reading in voxels), sensors.clock)
+
+    def masked(reading: Float[Array, "voxel *batch"]) -> Float[Array, "voxel *batch"]:
+        return jnp.where(there, reading, 0.0)
+
+    return Sensors(
+        masked(sensors.scale), masked(sensors.speed), masked(sensors.acceleration), sensors.clock
+    )
 
 
 def flatten(sensors: Sensors) -> Float[Array, "reading *batch"]:

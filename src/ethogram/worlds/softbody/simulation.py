@@ -25,6 +25,7 @@ from ethogram.worlds.softbody.world3d import SoftBody3D
 BLOCK_ROBOTS = 96  # robots simulated side by side
 BLOCK_VOXELS = 2048  # at most, where that leaves 16 robots: the state of more leaves the cache
 LANES = 16  # numbers that a processor takes at a time: the fewest robots of a block
+SHARED_GRAVITY = 2  # axes of a gravity that is the same for all robots: step, component
 
 
 class SimulationResult(eqx.Module):
@@ -77,6 +78,18 @@ def simulate(
     if width < 1:
         raise InvalidSettings(f"block_size = {width}: it should be at least 1.")
     arrays, static = eqx.partition((world, controller, record), eqx.is_array)
+    found: SimulationResult = _simulation(static, width, every)(arrays, parameters, gravity)
+    return found
+
+
+def robots_per_block(world: SoftBody3D) -> int:
+    """How many robots of a body to simulate side by side: a whole number of `LANES`."""
+    fitting = BLOCK_VOXELS // world.body.voxels // LANES * LANES
+    return max(LANES, min(BLOCK_ROBOTS, fitting))
+
+
+def _simulation(static: Any, width: int, every: int) -> Callable[..., Any]:
+    """The simulation of robots side by side, of which `vmap` makes more robots side by side."""
 
     def in_blocks(arrays: Any, parameters: Array, gravity: Array) -> SimulationResult:
         episode = partial(_episode, *eqx.combine(arrays, static), every=every)
@@ -88,30 +101,22 @@ def simulate(
         if any(jax.tree.leaves(batched[0])):  # worlds or controllers differ
             return plain_vmap(in_blocks, batched, (arrays, parameters, gravity))
         robots = parameters.shape[-1]
-        if batched[2] and gravity.ndim == 3:
+        own_gravity = gravity.ndim - batched[2] > SHARED_GRAVITY
+        if batched[2] and not own_gravity:
             gravity = jnp.broadcast_to(gravity[..., None], (*gravity.shape, robots))
         result = simulation(
             arrays,
             _one_row(size, parameters, batched[1]),
-            gravity if gravity.ndim == 2 else _one_row(size, gravity, batched[2]),
+            _one_row(size, gravity, batched[2]) if batched[2] or own_gravity else gravity,
         )
-        return (
-            jax.tree.map(
-                lambda leaf: jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], size, robots), -2, 0),
-                result,
-            ),
-            jax.tree.map(lambda _: True, result),
-        )
+
+        def apart(leaf: Array) -> Array:
+            return jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], size, robots), -2, 0)
+
+        return jax.tree.map(apart, result), jax.tree.map(lambda _: True, result)
 
     simulation = with_vmap_rule(in_blocks, in_one_row)
-    found: SimulationResult = simulation(arrays, parameters, gravity)
-    return found
-
-
-def robots_per_block(world: SoftBody3D) -> int:
-    """How many robots of a body to simulate side by side: a whole number of `LANES`."""
-    fitting = BLOCK_VOXELS // world.body.voxels // LANES * LANES
-    return max(LANES, min(BLOCK_ROBOTS, fitting))
+    return simulation
 
 
 def _one_row(size: int, values: Array, is_batched: bool) -> Array:
@@ -140,7 +145,7 @@ def _in_blocks(
         columns, own = each
         return episode(columns, gravity if own is None else own)
 
-    own = block(gravity) if gravity.ndim > 2 else None
+    own = block(gravity) if gravity.ndim > SHARED_GRAVITY else None
     found = lax.map(simulate_block, (block(parameters), own))
     return jax.tree.map(
         lambda leaf: jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :robots], found
