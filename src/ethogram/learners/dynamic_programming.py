@@ -193,6 +193,12 @@ class MonteCarloControl(Module):
 
     Every agent of every role learns alone.  An episode that is cut by a time limit counts as
     complete, so let it be long against 1 / (1 - discount).
+
+    Attributes:
+        world: one whose observations and actions are `Discrete`.
+        epsilon: chance to explore, a schedule over episodes; 0.1 by default.
+        discount: gamma, from 0 to 1.
+
     """
 
     world: World

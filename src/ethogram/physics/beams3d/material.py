@@ -21,6 +21,19 @@ class Material(Module):
     The defaults are those of the thesis' simulator.  Mass and moment of inertia are the same
     whatever edge is commanded, and so is a beam's stiffness: that of a square beam of the edge at
     rest.
+
+    Attributes:
+        edge: L, of a voxel at rest, m; above 0.
+        mass: m, of a voxel, kg; above 0.
+        elastic_modulus: E, Pa; above 0.
+        poisson_ratio: nu, above -1 and up to 0.5; for shear alone.
+        static_friction: mu_s, of the floor; 0 or more.
+        dynamic_friction: mu_d, of the floor; 0 or more.
+        bond_damping: zeta, of the beams: 1 is critical; 0 or more.
+        floor_damping: of what moves into the floor: 1 is critical; 0 or more.
+        global_damping: drag, everywhere; 0 or more.
+        step_fraction: of the longest step of time; above 0 and up to 1.
+
     """
 
     edge: Number = setting(0.01, Positive)  # L, m, at rest

@@ -6,7 +6,7 @@ import ethogram
 
 
 def test_two_agents_learn_to_share_a_place_that_pays_the_more_the_fuller_it_is() -> None:
-    world = ethogram.make("sharing", agents=2, steps=4, communication="none")
+    world = ethogram.make("sharing", agents=2, steps=4, communication="none", observe_filling=False)
     learner = ethogram.LEARNERS["grazing"](world)
     state, metrics = ethogram.train(learner, jax.random.key(0), 100)
     assert metrics is not None
