@@ -41,7 +41,7 @@ def test_published_runs_are_set_side_by_side(ethogram, monkeypatch):
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert (code, said) == (0, "")
     assert lines[0] == "language"
-    assert "learner.rounds 1 4" in lines
+    assert "learner.updates_per_iteration 1 4" in lines
     assert not any(line.startswith("episodes") for line in lines)
     (claim,) = (line for line in lines if line.startswith("2 "))
     assert "… undecided not run -2.77 standard deviat…" in claim
@@ -49,7 +49,7 @@ def test_published_runs_are_set_side_by_side(ethogram, monkeypatch):
     assert lines[-3:] == ["0 of 7 verdicts differ.", "Only in A: sharing", "b/compare.html"]
     assert max(map(len, out.splitlines())) <= 100
     page = Path("b/compare.html").read_text()
-    for part in ("Learning a language", "learner.rounds", "Table 2.2", "only in B"):
+    for part in ("Learning a language", "learner.updates_per_iteration", "Table 2.2", "only in B"):
         assert part in page
     assert "<script" not in page
 

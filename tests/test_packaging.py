@@ -1,6 +1,7 @@
 """The wheel, as another machine would get it, and a package that adds to it."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import ethogram
+from ethogram.cli import main
 from ethogram.learners import LEARNERS
 from ethogram.worlds import WORLDS
 
@@ -72,117 +74,65 @@ def test_the_installed_command_answers(site: Path, tmp_path: Path):
     assert run(command, "--version", path=(site,), cwd=tmp_path).strip() == ethogram.__version__
 
 
-STUDY = '''\
-"""Is a meadow richer when fewer graze it?"""
-
-import numpy as np
-import xarray as xr
-from pydantic.dataclasses import dataclass
-
-from ethogram.campaign.case import Case, Cost
-from ethogram.campaign.plan import Plan
-from ethogram.core.findings import Table
-from ethogram.studies.statistics import ClaimSpec, Part, Trials, difference, judge
-
-NAME, VERSION = "overgrazing", "1"
-TITLE, QUESTION = "Overgrazing", "Is a meadow richer when fewer graze it?"
-
-
-@dataclass(frozen=True, kw_only=True, config={"extra": "forbid"})
-class Settings:
-    herders: int = 1
-
-
-PLANS = {"smoke": Plan("smoke", "Two meadows.", Settings(), {"herders": (1, 9)})}
-
-
-def cases(plan):
-    return [
-        Case.of(study=NAME, version=VERSION, name=f"{point.herders} herders", settings=point)
-        for point in plan.points()
-    ]
-
-
-def cost(case):
-    return Cost(seconds=0.1, bytes=1000)
-
-
-def run(case, context):
-    grass = 100.0 / case.parsed(Settings).herders + np.arange(5.0)
-    return {"results": xr.Dataset({"grass": ("trial", grass)})}
-
-
-def tables(records):
-    means = {name: float(groups["results"]["grass"].mean()) for name, groups in records.items()}
-    columns, rows = ("condition", "grass"), tuple(means.items())
-    return [Table(name="table-1", title="Grass", caption="In kg.", columns=columns, rows=rows)]
-
-
-def figures(records):
-    return []
-
-
-def claims(records):
-    few, many = (
-        Trials(name, records[name]["results"]["grass"].values if name in records else None)
-        for name in ("1 herders", "9 herders")
-    )
-    part = Part(label="", terms=difference(few, many), side="more than", margin=0.0, unit="kg")
-    return judge(
-        [ClaimSpec(number=1, statement="Yes.", source="p. 1", test="mean", parts=(part,))]
-    )
-'''
-
-ENTRY_POINTS = """\
-[ethogram.worlds]
-meadow = grazing.meadow:Meadow
-
-[ethogram.learners]
-herder = grazing.herder:Herder
-
-[ethogram.studies]
-overgrazing = grazing.overgrazing
+USE = """\
+import sys
+import pytest
+from ethogram.cli import main
+for words in ("list", "run meadow --plan smoke --out results --engine inline", "report results",
+              "claims results --json"):
+    assert main(words.split()) == 0, words
+sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]]))
 """
 
 
-@pytest.fixture
-def plugin(tmp_path: Path) -> Path:
-    """The folder of another package, laid out as an installer would."""
-    site = tmp_path / "plugin"
-    files = {
-        "grazing/__init__.py": "",
-        "grazing/meadow.py": "class Meadow: pass",
-        "grazing/herder.py": "class Herder: pass",
-        "grazing/overgrazing.py": STUDY,
-        "grazing-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: grazing\nVersion: 1.0\n",
-        "grazing-1.0.dist-info/entry_points.txt": ENTRY_POINTS,
-    }
-    for name, text in files.items():
-        (site / name).parent.mkdir(parents=True, exist_ok=True)
-        (site / name).write_text(text)
-    return site
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `ethogram new` writes for a study."""
+    folder = tmp_path_factory.mktemp("new") / "meadow"
+    assert main(["new", "study", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plugin(package: Path) -> Path:
+    """The folder into which a wheel of it was installed."""
+    folder = package.with_name("plugin")
+    build = ("hatchling", "build", "--target", "wheel", "--directory", package.parent)
+    run(sys.executable, "-m", *build, cwd=package)
+    (wheel,) = package.parent.glob("*.whl")
+    options = ("--no-deps", "--no-index", "--target", folder)
+    run(sys.executable, "-m", "pip", "install", *options, wheel)
+    return folder
+
+
+def test_world_learner_and_study_of_a_new_package_are_120_lines_at_most(package: Path):
+    files = sorted((package / "src").rglob("*.py"))
+    assert [file.stem for file in files] == ["__init__", "learner", "study", "world"]
+    assert sum(len(file.read_text().splitlines()) for file in files) <= 120
+
+
+def test_a_new_package_is_listed_run_reported_and_passes_its_tests(
+    package: Path, plugin: Path, site: Path, tmp_path: Path
+):
+    said = run(sys.executable, "-c", USE, package / "tests", path=(site, plugin), cwd=tmp_path)
+    assert "meadow: A shared pasture. Do herders" in said
+    assert re.search("^worlds: .*meadow", said, re.MULTILINE)
+    assert re.search("^learners: .*meadow", said, re.MULTILINE)
+    assert said.count('"verdict": "undecided"') == 2  # the plan is too short
+    assert said.count("trained for 20 of the 300 updates that the claim speaks of") == 2
+    page = (tmp_path / "results" / "index.html").read_text()
+    assert "A shared pasture" in page
+    text = (tmp_path / "results" / "report" / "meadow.md").read_text()
+    assert "Learning curves" in text
+    assert "After training" in text
+    assert (tmp_path / "results" / "report" / "meadow" / "figure-1.svg").is_file()
 
 
 def test_another_package_registers_a_world_and_a_learner(
     plugin: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    for module in [name for name in sys.modules if name.partition(".")[0] == "grazing"]:
-        monkeypatch.delitem(sys.modules, module)  # another test's package of the same name
     monkeypatch.syspath_prepend(str(plugin))
     assert {"sharing", "meadow"} <= set(WORLDS)
-    assert {"qlearning", "herder"} <= set(LEARNERS)
-    assert WORLDS["meadow"].__name__ == "Meadow"
-    assert LEARNERS["herder"].__name__ == "Herder"
-
-
-def test_a_study_of_another_package_is_listed_run_and_reported(
-    plugin: Path, site: Path, tmp_path: Path
-):
-    def command(*arguments: object) -> str:
-        return run(site / "bin" / "ethogram", *arguments, path=(site, plugin), cwd=tmp_path)
-
-    assert "overgrazing: Overgrazing. Is a meadow richer" in command("list")
-    command("run", "overgrazing", "--plan", "smoke", "--out", "results", "--engine", "inline")
-    command("report", "results")
-    assert "confirmed" in command("claims", "results")
-    assert "Overgrazing" in (tmp_path / "results" / "index.html").read_text()
+    assert {"qlearning", "meadow"} <= set(LEARNERS)
+    assert WORLDS["meadow"].__name__ == "Pasture"
+    assert LEARNERS["meadow"].__name__ == "PolicyGradient"

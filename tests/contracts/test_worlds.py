@@ -26,7 +26,7 @@ from ethogram.worlds import WORLDS
 from ethogram.worlds.language import Language
 
 STEPS = 12
-EAGER = 3  # of them: each may compile its loops anew
+EAGER = 1  # of them: each compiles its loops anew
 
 
 def silent(key, observation):
@@ -59,8 +59,10 @@ def played(request):
         traces.append(None)
         return world.step(key, state, action)
 
+    reset = eqx.filter_jit(type(world).reset)  # of all: what is rounded to steps may be another
+
     def run(step, count=STEPS):
-        state, observation = world.reset(jax.random.key(1))
+        state, observation = reset(world, jax.random.key(1))
         steps = []
         for number in range(count):
             key = jax.random.key(number)

@@ -26,6 +26,7 @@ from ethogram.cli.gather import (
     page_of,
     trials_in,
 )
+from ethogram.cli.new import write_package
 from ethogram.cli.parameters import (
     AsJson,
     CaseName,
@@ -39,6 +40,8 @@ from ethogram.cli.parameters import (
     Force,
     Format,
     Name,
+    NewFolder,
+    NewKind,
     Out,
     PageSize,
     PlanName,
@@ -136,6 +139,14 @@ def list_() -> int:
     for message in broken:
         say(readable(message))
     return FAILED if broken else DONE
+
+
+@app.command
+def new(kind: NewKind, folder: NewFolder, /) -> int:
+    """Write a package to start from: a study, a world or a learner of your own."""
+    write_package(kind, folder)
+    tell(folder)
+    return DONE
 
 
 @app.command

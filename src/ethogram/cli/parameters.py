@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from ethogram.cli.new import Kind
+
 
 def _possible(kind: Any, path: Path | None) -> None:
     """Refuse a path at which no file system could hold our files, before anything is done."""
@@ -32,6 +34,12 @@ _LONGEST_NAME = f"{'x' * 64}.{'x' * 64}.safetensors"  # of a file in a store
 _PATH = Parameter(validator=_possible)
 _FILE = Parameter(validator=_file)
 
+NewKind = Annotated[
+    Kind, Parameter(help="What the package adds; a study comes with a world and a learner.")
+]
+NewFolder = Annotated[
+    Path, _PATH, Parameter(help="Folder to write, new or empty; its name becomes the package's.")
+]
 Name = Annotated[str, Parameter(help="Name of the study; `ethogram list` shows them.")]
 PlanName = Annotated[str, Parameter(name="--plan", help="Name of the plan: smoke, quick, thesis.")]
 Folder = Annotated[

@@ -11,7 +11,7 @@ and files; building a `Pasture` in Python checks the same bounds.
 import dataclasses
 from collections.abc import Callable, Hashable, Mapping
 from functools import cache
-from typing import Any, Literal, TypeVar, cast, dataclass_transform
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, dataclass_transform
 
 import equinox as eqx
 import jax
@@ -24,6 +24,12 @@ from ethogram.core.errors import InvalidSettings, UnknownName, shown
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 Number = float | Array  # a setting that may be swept: a number, or an array of them under vmap
+
+# what many settings allow, as pydantic reads it
+Fraction: TypeAlias = Annotated[float, pydantic.Field(ge=0, le=1)]
+Positive: TypeAlias = Annotated[float, pydantic.Field(gt=0)]
+Count: TypeAlias = Annotated[int, pydantic.Field(ge=1, le=1_000_000)]
+Seed: TypeAlias = Annotated[int, pydantic.Field(ge=0, lt=2**32)]
 
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True)
 

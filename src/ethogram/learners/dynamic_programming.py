@@ -18,7 +18,6 @@ eq. 1.8 prints it without.  The averages are of every visit (the thesis leaves o
 over all episodes from the first, in which the policy was worse.
 """
 
-from math import prod
 from typing import Annotated, ClassVar
 
 import equinox as eqx
@@ -28,11 +27,11 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import EthogramError, InvalidSettings
+from ethogram.core.errors import InvalidSettings
 from ethogram.core.memory import require_memory
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
-from ethogram.core.settings import Number, setting
+from ethogram.core.settings import Fraction, Number, setting
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.learners.base import Metrics, Spaces
@@ -44,8 +43,7 @@ from ethogram.learners.episodes import (
     role_keys,
 )
 from ethogram.learners.schedules import Constant, Schedule
-
-Fraction = Annotated[float, Field(ge=0, le=1)]
+from ethogram.learners.tables import blank_tables, rows, table_bytes
 
 
 class Place(eqx.Module):
@@ -195,6 +193,12 @@ class MonteCarloControl(Module):
 
     Every agent of every role learns alone.  An episode that is cut by a time limit counts as
     complete, so let it be long against 1 / (1 - discount).
+
+    Attributes:
+        world: one whose observations and actions are `Discrete`.
+        epsilon: chance to explore, a schedule over episodes; 0.1 by default.
+        discount: gamma, from 0 to 1.
+
     """
 
     spaces: ClassVar[Spaces] = Spaces((Discrete,), (Discrete,))
@@ -215,8 +219,10 @@ class MonteCarloControl(Module):
 
         """
         del key
-        require_memory("Monte Carlo control", 2 * table_bytes(self.world))
-        return MonteCarloState(blank_tables(self.world), blank_tables(self.world), jnp.int32(0))
+        name = "Monte Carlo control"
+        require_memory(name, 2 * table_bytes(self.world, name))
+        value, visits = (blank_tables(self.world, name) for _ in range(2))  # each is donated
+        return MonteCarloState(value, visits, jnp.int32(0))
 
     def update(
         self, key: Key[Array, ""], state: MonteCarloState
@@ -247,12 +253,10 @@ class MonteCarloControl(Module):
         epsilon = self.epsilon(state.episode) if explore else 0.0
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
-            action = {}
+            action, values = {}, rows(state.value, observation)
             for role, for_role in role_keys(self.world.roles, key).items():
-                seen = observation[role]
-                bits = jax.random.bits(for_role, seen.shape)
-                values = state.value[role][jnp.arange(len(seen)), seen]
-                action[role] = epsilon_greedy(values.T, bits, epsilon)
+                bits = jax.random.bits(for_role, observation[role].shape)
+                action[role] = epsilon_greedy(values[role].T, bits, epsilon)
             return action
 
         return act
@@ -268,25 +272,3 @@ def discounted_returns(
         return return_, return_
 
     return lax.scan(extend, jnp.zeros_like(reward[0]), reward, reverse=True)[1]
-
-
-def blank_tables(world: World) -> PerRole:
-    """Zeros for every agent, observation and action of a world whose spaces are `Discrete`."""
-    return {role: jnp.zeros(shape) for role, shape in _table_shapes(world).items()}
-
-
-def table_bytes(world: World) -> int:
-    """Memory that `blank_tables` needs."""
-    return sum(4 * prod(shape) for shape in _table_shapes(world).values())
-
-
-def _table_shapes(world: World) -> dict[str, tuple[int, int, int]]:
-    shapes = {}
-    for role, played in world.roles.items():
-        if not (isinstance(played.observation, Discrete) and isinstance(played.action, Discrete)):
-            raise EthogramError(
-                f"Monte Carlo control needs discrete spaces: {role!r} of {type(world).__name__} "
-                f"observes {played.observation} and acts in {played.action}."
-            )
-        shapes[role] = played.agents, played.observation.n, played.action.n
-    return shapes

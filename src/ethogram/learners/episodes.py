@@ -47,6 +47,20 @@ def in_first_episode(transitions: Transition) -> PerRole:
     return found
 
 
+def learned_steps(transitions: Transition) -> PerRole:
+    """Which steps of its first episode each agent learns from: those in which it was acting.
+
+    Args:
+        transitions: arrays with axes of batches, then of steps.
+
+    Returns:
+        Bool[*batch, step, agent] per role.
+
+    """
+    acting = transitions.outcome.acting
+    return {role: steps & acting[role] for role, steps in in_first_episode(transitions).items()}
+
+
 def episode_returns(transitions: Transition) -> PerRole:
     """What each agent earned in its first episode, not discounted: Float[*batch, agent] per role.
 

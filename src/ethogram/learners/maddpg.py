@@ -125,6 +125,31 @@ class MADDPG(Module):
     """MADDPG in a world given by the caller, whose actions are `Discrete`, `Simplex` or `Box`.
 
     Roles that are not to learn are given a policy by `ethogram.core.wrappers.GivenPolicies`.
+
+    Attributes:
+        world: where it learns.
+        discount: gamma, from 0 to 1.
+        learning_rate: of Adam, at first; above 0.
+        final_learning_rate: after `annealing_updates`; above 0.
+        temperature: of the Gumbel-softmax, at first; above 0.
+        final_temperature: after `annealing_updates`; above 0.
+        annealing_updates: from first to final values, in equal steps; above 0.
+        tau: by what share target networks move in an update, from 0 to 1.
+        max_gradient_norm: to which the gradient of each array is scaled down; above 0.
+        logit_penalty: lambda, of the mean square of an actor's outputs; 0 or more.
+        exploration_noise: standard deviation of noise on `Box` actions, in halves of the distance
+            of their bounds; 0 or more.
+        batch_size: transitions in a minibatch, from 1 to 1 000 000.
+        buffer_size: transitions kept, those of one play or more, up to 2^30.
+        learning_starts: transitions played before anything is learned, 0 or more; `buffer_size` if
+            that is less.
+        episodes_per_update: played before agents learn, from 1 to 100 000.
+        updates_per_iteration: of each agent's networks after that, from 1 to 10 000.
+        hidden_size: units in each of the two hidden layers, from 1 to 100 000.
+        copy_targets: whether target networks begin as copies; else with first weights of their own.
+        straight_through: whether `Simplex` actions, too, are pure choices with the gradient of the
+            weights.
+
     """
 
     spaces: ClassVar[Spaces] = Spaces(action=HEADS)

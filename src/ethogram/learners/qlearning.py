@@ -70,6 +70,15 @@ class QLearning(Module):
     """Tabular Q-learners, independent of each other, in a world given by the caller.
 
     An update plays and learns from one episode.
+
+    Attributes:
+        world: one whose observations and actions are `Discrete`.
+        epsilon: chance to explore, a schedule over episodes (`ethogram.learners.schedules`); by
+            default it decays from 1 to 0.01 by 0.9995 an episode.
+        learning_rate: alpha, from 0 to 1.
+        discount: gamma, from 0 to 1.
+        shared: whether all agents of a role learn one table; else each has its own.
+
     """
 
     spaces: ClassVar[Spaces] = Spaces((Discrete,), (Discrete,))

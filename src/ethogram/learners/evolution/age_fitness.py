@@ -60,9 +60,10 @@ class AgeFitness(Module):
     Attributes:
         search_space: where genes are drawn, and within what they stay.
         fitness: of all candidates in one call (see `ethogram.learners.evolution.base.Fitness`).
-        population_size: n, individuals.
-        mutation_probability: of each gene; None is 1 / |theta|.
-        mutation_scale: sigma_mut, the standard deviation of a change.
+        population_size: n, individuals, from 1 to 100 000.
+        mutation_probability: of each gene, from 0 to 1; None is 1 / |theta|.
+        mutation_scale: sigma_mut, the standard deviation of a change, in units of the gene; 0 or
+            more.
 
     """
 

@@ -37,14 +37,14 @@ EXTENSION = (1.30, 1.43)  # length per length at rest
 
 
 class Memory(eqx.Module):
-    """What a bond remembers of the step before."""
+    """State of the bonds: what damping needs of the step before."""
 
     small: Bool[Array, "bond *batch"]  # whether its angles were small
     deformation: Float[Array, "9 bond *batch"]  # d (m), th1, th2 (rad); what damping goes by
 
 
 class Pull(eqx.Module):
-    """What the bonds do to the voxels."""
+    """Forces and torques of the bonds on the voxels, and their strains."""
 
     force: Float[Array, "3 voxel *batch"]  # N
     torque: Float[Array, "3 voxel *batch"]  # N m
@@ -59,7 +59,7 @@ def bond_forces(
     memory: Memory,
     first_step: Bool[Array, "..."],
 ) -> tuple[Pull, Memory]:
-    """Sum over each voxel's bonds.
+    """Forces and torques of each voxel's bonds, summed.
 
     Args:
         lattice: the body.
@@ -178,7 +178,7 @@ def _damping(dashpot: Beam, rate: Float[Array, "9 bond *batch"]) -> Float[Array,
 
 
 def along_x(axis: Int[Array, "..."], v: Vector) -> Vector:
-    """Turn the grid axis of a bond into x: (y, -x, z) for bonds along y, (z, y, -x) along z."""
+    """A vector with the bond's grid axis turned into x: (y, -x, z) along y, (z, y, -x) along z."""
     return Vector(
         jnp.where(axis == 0, v.x, jnp.where(axis == 1, v.y, v.z)),
         jnp.where(axis == 1, -v.x, v.y),
@@ -187,7 +187,7 @@ def along_x(axis: Int[Array, "..."], v: Vector) -> Vector:
 
 
 def from_x(axis: Int[Array, "..."], v: Vector) -> Vector:
-    """Turn x back into the grid axis of a bond."""
+    """A vector with x turned back into the bond's grid axis."""
     return Vector(
         jnp.where(axis == 0, v.x, jnp.where(axis == 1, -v.y, -v.z)),
         jnp.where(axis == 1, v.x, v.y),

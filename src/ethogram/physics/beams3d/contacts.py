@@ -1,4 +1,4 @@
-"""What bodies meet: the floor at z = 0, and themselves."""
+"""Contacts: with the floor at z = 0, and of a body with itself."""
 
 import jax.numpy as jnp
 from jax import Array, lax

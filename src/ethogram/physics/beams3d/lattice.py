@@ -18,7 +18,7 @@ UNROLLED = 16  # slots: beyond, as of pairs in large bodies, a loop compiles fas
 
 
 class Ends(eqx.Module):
-    """The voxels at one end of items (bonds, or pairs), and back: the items that end at a voxel.
+    """Index of one end of items (bonds, or pairs): their voxels, and each voxel's items.
 
     A voxel's items stand in slots; slots that are not needed name an item that is always zero.
     """
@@ -42,7 +42,7 @@ class Ends(eqx.Module):
 
 
 def _take(value: Shaped[Array, "c voxel *batch"], index: Int[Array, "item"]) -> Array:
-    """Entries along the second axis, which there are: nothing is checked in the inner loop."""
+    """Entries along the second axis, unchecked: for the inner loop."""
     return value.at[:, index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
@@ -58,19 +58,22 @@ class Lattice(eqx.Module):
     right: Ends
     is_padded: bool = eqx.field(static=True, default=False)  # whether some may not be used
 
+    def __repr__(self) -> str:
+        return f"Lattice(voxels={self.voxels}, bonds={self.bonds}, pairs={self.pairs})"
+
     @property
     def voxels(self) -> int:
-        """How many voxels there are, padding included."""
+        """Number of voxels, padding included."""
         return self.cell.shape[-2]
 
     @property
     def bonds(self) -> int:
-        """How many bonds there are, padding included."""
+        """Number of bonds, padding included."""
         return self.axis.shape[-1]
 
     @property
     def pairs(self) -> int:
-        """How many pairs there are, padding included."""
+        """Number of pairs, padding included."""
         return self.left.voxel.shape[-1]
 
     @property
@@ -81,7 +84,7 @@ class Lattice(eqx.Module):
 
 
 def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
-    """Join every two face-adjacent cells; voxels keep the order of the cells.
+    """Lattice of cells, every two face-adjacent ones joined; voxels keep their order.
 
     A bond's first voxel is that at the lower end of its axis.  The original takes the one with the
     lower index, which is the same for cells in its order, x fastest.
@@ -124,7 +127,7 @@ def lattice(cells: Int[np.ndarray, "voxel 3"]) -> Lattice:
 
 
 class Size(NamedTuple):
-    """How large the arrays of a lattice are."""
+    """Sizes of a lattice's arrays."""
 
     voxels: int
     bonds: int
@@ -142,7 +145,7 @@ class Size(NamedTuple):
 
     @classmethod
     def for_voxels(cls, voxels: int) -> "Size":
-        """What holds every body of as many voxels, in one part.
+        """Sizes that hold every body of as many voxels, in one part.
 
         Such a body has at most 3 (n - n^(2/3)) bonds: a bond less than voxels in each row, and by
         Loomis and Whitney (1949) at least 3 n^(2/3) rows.  At least three others are within three
@@ -155,7 +158,7 @@ class Size(NamedTuple):
 
 
 def pad(body: Lattice, size: Size) -> Lattice:
-    """Make a body larger by what counts nowhere.
+    """A body made larger by padding, which counts nowhere.
 
     A padding voxel lies beside the body and belongs to nothing.  A padding bond or pair repeats
     another, or joins voxels of no use, and no voxel receives its forces.

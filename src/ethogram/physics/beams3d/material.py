@@ -1,13 +1,13 @@
-"""What a body is made of, and what follows from it: stiffness, damping, the step of time."""
+"""Material of a soft body, and what follows from it: stiffness, damping, the step of time."""
 
 from typing import Annotated, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 from pydantic import Field
 
+from ethogram.core.module import Module
 from ethogram.core.settings import Number, check_settings, setting
 
 Positive = Annotated[float, Field(gt=0)]
@@ -15,11 +15,25 @@ Share = Annotated[float, Field(ge=0)]
 PI_OF_THE_TIME_STEP = 3.1415926  # the original simulator's, in this place alone
 
 
-class Material(eqx.Module):
-    """Voxels, beams and floor; SI units.  The defaults are those of the thesis' simulator.
+class Material(Module):
+    """Constants of voxels, beams and floor; SI units.
 
-    Mass and moment of inertia are the same whatever edge is commanded, and so is a beam's
-    stiffness: that of a square beam of the edge at rest.
+    The defaults are those of the thesis' simulator.  Mass and moment of inertia are the same
+    whatever edge is commanded, and so is a beam's stiffness: that of a square beam of the edge at
+    rest.
+
+    Attributes:
+        edge: L, of a voxel at rest, m; above 0.
+        mass: m, of a voxel, kg; above 0.
+        elastic_modulus: E, Pa; above 0.
+        poisson_ratio: nu, above -1 and up to 0.5; for shear alone.
+        static_friction: mu_s, of the floor; 0 or more.
+        dynamic_friction: mu_d, of the floor; 0 or more.
+        bond_damping: zeta, of the beams: 1 is critical; 0 or more.
+        floor_damping: of what moves into the floor: 1 is critical; 0 or more.
+        global_damping: drag, everywhere; 0 or more.
+        step_fraction: of the longest step of time; above 0 and up to 1.
+
     """
 
     edge: Number = setting(0.01, Positive)  # L, m, at rest

@@ -21,7 +21,7 @@ MAX_STRAIN = 100.0  # beyond it the simulation has diverged
 
 
 class State(eqx.Module):
-    """Where a body is, how it moves, and what its bonds remember."""
+    """State of a body: its voxels' poses and momenta, and its bonds."""
 
     position: Float[Array, "3 voxel *batch"]  # m
     orientation: Float[Array, "4 voxel *batch"]  # unit quaternion: w, x, y, z
@@ -72,7 +72,7 @@ def step(
     *,
     floor: bool = True,
 ) -> State:
-    """Advance by `material.time_step`.
+    """The state after `material.time_step`.
 
     Args:
         lattice: the body.
@@ -113,7 +113,7 @@ def step(
 
 
 class Moved(NamedTuple):
-    """Where and how fast after a step."""
+    """Poses and momenta after a step."""
 
     position: Float[Array, "3 voxel *batch"]
     orientation: Float[Array, "4 voxel *batch"]
@@ -158,7 +158,7 @@ def turned(
     spin: Float[Array, "3 voxel *batch"],
     time: Float[Array, ""],
 ) -> Float[Array, "4 voxel *batch"]:
-    """Turn at an angular velocity (rad/s) for a time (s): q + (0, w) q time / 2, normalised."""
+    """Orientation after a turn at w (rad/s) for a time (s): q + (0, w) q time / 2, normalised."""
     q = Quaternion(*orientation)
     rate = product(Quaternion(jnp.zeros_like(q.w), *spin), q)
     half = time / 2
@@ -168,7 +168,7 @@ def turned(
 
 
 def sensed_scale(lattice: Lattice, state: State) -> Float[Array, "voxel *batch"]:
-    """How long a voxel's bonds are, relative to rest: the mean of 1 + strain; 1 without bonds."""
+    """Length of a voxel's bonds, relative to rest: the mean of 1 + strain; 1 without bonds."""
     ends = lattice.first, lattice.second
     count = jnp.stack([(end.items < lattice.bonds).sum(0) for end in ends]).sum(0)
     total = jnp.stack([end.total(state.strain[None])[0] for end in ends]).sum(0)

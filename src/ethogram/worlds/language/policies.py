@@ -37,7 +37,7 @@ UNINFORMED = {1: INFORMED, 2: Pull(20.0, 2.0), 3: Pull(20.0, 1.2), 4: Pull(20.0,
 
 
 class NoCommunication(Module):
-    """Talkers that never speak (eq. 2.7): they need no symbol, hence `alphabet=0`."""
+    """Talkers that never speak (eq. 2.7): they need no symbol, hence `vocabulary_size=0`."""
 
     words: int = eqx.field(static=True)
 
@@ -56,7 +56,7 @@ class Optimal(Module):
     """Talkers that say what they know: robot r, target t is symbol 1 + r n_t + t (eq. 2.8).
 
     Raises:
-        InvalidSettings: the alphabet has fewer symbols than there are associations.
+        InvalidSettings: the vocabulary has fewer symbols than there are associations.
 
     """
 
@@ -84,7 +84,7 @@ class Informed(Module):
     as there is none, at the first step that is, it goes to the mean of the targets.
 
     Raises:
-        InvalidSettings: the alphabet is too small for optimal talkers.
+        InvalidSettings: the vocabulary is too small for optimal talkers.
 
     """
 
@@ -155,5 +155,5 @@ def _require_symbols(world: Language) -> None:
     if symbols < needed:
         raise InvalidSettings(
             f"Optimal talkers of {world.robots} robots and {world.targets} targets need {needed} "
-            f"symbols; the alphabet has {symbols}."
+            f"symbols; the vocabulary has {symbols}."
         )

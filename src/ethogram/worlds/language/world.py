@@ -82,7 +82,34 @@ DYNAMICS: dict[str, Dynamics] = {"damped": damped, "literal": literal}
 
 
 class Language(World):
-    """Robots that see the targets and must be told which one is theirs."""
+    """Robots that see the targets and must be told which one is theirs.
+
+    A robot is two agents, one of the role `mover` and one of the role `talker`.  Actions are
+    weights of choices, none negative, 1 together: of a mover those of (none, up, right, down,
+    left), of a talker those of (silence, symbol 1, symbol 2, ...).  Observation of a mover, entry
+    by entry:
+
+    - of each target, its offset from the robot (x, y), in sides of the square;
+    - the robot's velocity (x, y) in sides per step, if `observe_velocity`;
+    - of each robot, what it said a step ago, as weights in the order of a talker's actions.
+
+    Of a talker: one-hot, the robot that it guides; one-hot, the target of that robot.
+
+    Attributes:
+        vocabulary_size: |W|, symbols, from 0 to `max_vocabulary_size`.
+        delta: how much a push changes the velocity, sides per step; above 0, for "literal" alone.
+        robots: n_r, from 2 to 7.
+        targets: n_t, from 1 to 1000.
+        max_vocabulary_size: for how many symbols there is room, from 0 to 10 000; languages of
+            all sizes within it share one compiled program.
+        steps: of an episode, from 1 to 1 000 000.
+        dynamics: "damped", "literal", or a function of positions, velocities, pushes and `delta`
+            to the next positions and velocities.
+        execution: "soft" takes weights as they are, "hard" as the choice of the largest.
+        allow_silence: whether talkers that have symbols may also be silent.
+        observe_velocity: whether movers observe their robot's velocity.
+
+    """
 
     vocabulary_size: int | Int[Array, ""] = setting(4, Annotated[int, Field(ge=0, le=10_000)])
     delta: Number = setting(0.05, Annotated[float, Field(gt=0)])

@@ -50,10 +50,24 @@ class State(eqx.Module):
 
 
 class LearnablePublishing(World):
-    """One role moves its ambition or selectivity; the other follows a policy of its own."""
+    """One role moves its ambition or selectivity; the other follows a policy of its own.
+
+    The one role is the one that learns.  Action: 0 lowers the level by one, 1 keeps it, 2 raises
+    it.  Observation: (level x bins + first) x bins + second, each from 0 to bins - 1; of an author,
+    first and second are the draft's quality and its rejections, of an editor, the journal's impact
+    factor and its number of papers.
+
+    Attributes:
+        system: authors, editors and journals.
+        others: policy of the role that does not learn; None is the thesis' own: minded authors,
+            mild scrutiny.
+        learns: "author" or "editor".
+        ranking: how many bins there are, and how journals are grouped into them.
+        reward: "change" pays changes of the h-index or impact factor, "level" these themselves.
+
+    """
 
     system: Publishing = eqx.field(default_factory=Publishing)
-    # of the role that does not learn; None is the thesis' own: minded authors, mild scrutiny
     others: RolePolicy | None = None
     learns: Learning = eqx.field(static=True, default="author")
     ranking: Ranking = eqx.field(default_factory=Ranking)

@@ -59,7 +59,39 @@ Size = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class Publishing(World):
-    """Authors, editors and journals."""
+    """Authors, editors and journals; the roles are `author` and `editor`, one editor a journal.
+
+    Action of an author: 0, to write anew, or the journal to submit the draft to, from 1.  Of an
+    editor: the share to turn away, from 0 to 1; what is below that quantile of what the journal has
+    published is rejected; below 0 nothing is.  Observation of an author: quality of its draft,
+    rejections of it so far, and the impact factor of each journal.  Of an editor: impact factor of
+    its journal, and how many papers it has published.  An impact factor that is undefined is -1.
+
+    Attributes:
+        authors: from 1 to 100 000.
+        journals: from 1 to 10 000.
+        initial_papers: published in the years -2 to 0, from 1 to 100 000.
+        years: of an episode, from 1 to 10 000.
+        steps_per_year: from 1 to 1000.
+        references: papers that a draft cites, from 0 to 100.
+        quality_max: q_max, the largest quality, above 0.
+        sigma: standard deviation of an author's papers' qualities, 0 or more.
+        power_law_exponent: k of the qualities of authors and initial papers, 0 or more.
+        power_law_max: theta, the upper bound of that law, whose lower one is 1; above 1.
+        quality_scale: from that law to qualities: "linear", "none", or a function of the numbers
+            drawn, `power_law_max` and `quality_max`.
+        quality_bounds: of drafts: "clipped", "truncated", or a function of random words, authors'
+            qualities, `sigma` and `quality_max`.
+        init_assignment: of initial papers to journals: "two_phase", "online", "random", or a
+            function (see `ethogram.worlds.publishing.initial`).
+        init_sources: whose impact factors of 2018 it aims at: "journals" or "all" sources.
+        if_window: of the two years before: "union", "intersection", or a function of citations
+            received, papers and the value of undefined ones.
+        if_timing: "complete", the impact factor of the last complete year, or "running".
+        undefined_if: impact factor of a journal without papers in the window; None is no number.
+        update: "synchronous", all at once, or "sequential", one author after the other.
+
+    """
 
     authors: int = setting(100, Size, static=True)
     journals: int = setting(20, Annotated[int, Field(ge=1, le=10_000)], static=True)

@@ -75,7 +75,33 @@ def scenario_code(scenario: str | Int[Array, "..."] | Reward) -> Int[Array, "...
 
 
 class Sharing(World):
-    """Agents choosing among shared resources, with optional broadcast."""
+    """Agents choosing among shared resources, with optional broadcast; one role, `agent`.
+
+    Action: 2 (j - 1) + b prefers resource j, from 1, and says so aloud if b is 1; without
+    `communication="optional"` it is j - 1.  Observation, with 0 for "none" and entry by entry where
+    `encoding` is "vector":
+
+    - agents on each resource, if `observe_filling`;
+    - the resource that the agent is on, and the one that it prefers;
+    - of each resource, what is heard: (agents + 1) times the speakers that are on it and prefer it,
+      and one for each speaker that prefers it from elsewhere (eq. 3.2).
+
+    As an "index" it is one number, the row of a table of all that can be observed; 0 is the start.
+
+    Attributes:
+        scenario: what a resource pays by how many share it: "cooperative", "competitive" or
+            "mixed" (eqs. 3.6 to 3.8); its number from 0; or a function of the agents on each
+            resource, the number of agents and the number of resources.
+        agents: n_a, from 1 to 10 000.
+        resources: n_r, from 1 to 100.
+        steps: of an episode, from 1 to 1 000 000.
+        communication: "always", "none", or "optional", where agents choose.
+        observe_filling: whether agents see how many are on each resource.
+        reward: "scaled", so that a step pays 1 at most, or "literal", divided as printed.
+        terminal: whether an episode's end is a termination; else it is a truncation.
+        encoding: of observations: "index" or "vector".
+
+    """
 
     scenario: Int[Array, "..."] | Reward = setting(
         "cooperative", Scenario, converter=scenario_code, names=tuple(REWARDS)

@@ -86,16 +86,27 @@ def _known(gravity: str | Program) -> str | Program:
 
 
 class SoftBody3D(World):
-    """A robot of cubic voxels.
+    """A robot of cubic voxels; one role, `robot`, of one agent.
+
+    Action: the edge of every voxel (m), limited to between `shortest` and `longest`.  Observation:
+    of every voxel in turn its scale (1 at rest), speed (m/s) and acceleration (m/s^2, times
+    `acceleration_scale`), then sine and cosine of the clock.  Voxels are in the order of `cells`.
 
     Attributes:
         body: "worm", "biped", "tripod", text layers, a grid (see `bodies`) or a lattice.  It is
             kept as a lattice, which is data: worlds whose bodies have arrays of the same shapes are
             one compiled program.
-        max_voxels: how many voxels bodies are padded to, so that all of them have the same shapes;
-            None pads nothing.
-        gravity: the name of a program, or one (see `gravity`).
+        max_voxels: how many voxels bodies are padded to, so that all of them have the same shapes,
+            from 1 to 1000; None pads nothing.
+        gravity: the name of a program, or one (see `gravity`): "even", "evolution", "flat", "step",
+            "sin", or a function of the share of the episode that has passed to m/s^2 (x, y, z).
         material: of its voxels and the floor.
+        steps: of an episode, of 0.14 ms each with the default material; from 1 to 10 000 000.
+        frequency: f, of the clock, Hz; 0 or more.
+        shortest: edge that can be commanded, in edges at rest; above 0 and below `longest`.
+        longest: edge that can be commanded, in edges at rest.
+        sensed_scale: "strain", the mean of 1 + strain over a voxel's bonds, or "commanded".
+        acceleration_scale: what sensed accelerations are multiplied by, 0 or more.
 
     """
 

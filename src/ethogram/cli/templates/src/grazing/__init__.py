@@ -1,0 +1,1 @@
+"""What this package adds to Ethogram; its entry points are in `pyproject.toml`."""
