@@ -78,7 +78,7 @@ USE = """\
 import sys
 import pytest
 from ethogram.cli import main
-for words in ("list", "run meadow --plan smoke --out results --engine inline", "report results",
+for words in ("list", "run commons --plan smoke --out results --engine inline", "report results",
               "claims results --json"):
     assert main(words.split()) == 0, words
 sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]]))
@@ -88,7 +88,7 @@ sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]]))
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `ethogram new` writes for a study."""
-    folder = tmp_path_factory.mktemp("new") / "meadow"
+    folder = tmp_path_factory.mktemp("new") / "commons"
     assert main(["new", "study", str(folder)]) == 0
     return folder
 
@@ -115,24 +115,24 @@ def test_a_new_package_is_listed_run_reported_and_passes_its_tests(
     package: Path, plugin: Path, site: Path, tmp_path: Path
 ):
     said = run(sys.executable, "-c", USE, package / "tests", path=(site, plugin), cwd=tmp_path)
-    assert "meadow: A shared pasture. Do herders" in said
-    assert re.search("^worlds: .*meadow", said, re.MULTILINE)
-    assert re.search("^learners: .*meadow", said, re.MULTILINE)
+    assert "commons: A shared pasture. Do herders" in said
+    assert re.search("^worlds: .*commons", said, re.MULTILINE)
+    assert re.search("^learners: .*commons", said, re.MULTILINE)
     assert said.count('"verdict": "undecided"') == 2  # the plan is too short
     assert said.count("trained for 20 of the 300 updates that the claim speaks of") == 2
     page = (tmp_path / "results" / "index.html").read_text()
     assert "A shared pasture" in page
-    text = (tmp_path / "results" / "report" / "meadow.md").read_text()
+    text = (tmp_path / "results" / "report" / "commons.md").read_text()
     assert "Learning curves" in text
     assert "After training" in text
-    assert (tmp_path / "results" / "report" / "meadow" / "figure-1.svg").is_file()
+    assert (tmp_path / "results" / "report" / "commons" / "figure-1.svg").is_file()
 
 
 def test_another_package_registers_a_world_and_a_learner(
     plugin: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.syspath_prepend(str(plugin))
-    assert {"sharing", "meadow"} <= set(WORLDS)
-    assert {"qlearning", "meadow"} <= set(LEARNERS)
-    assert WORLDS["meadow"].__name__ == "Pasture"
-    assert LEARNERS["meadow"].__name__ == "PolicyGradient"
+    assert {"sharing", "commons"} <= set(WORLDS)
+    assert {"qlearning", "commons"} <= set(LEARNERS)
+    assert WORLDS["commons"].__name__ == "Pasture"
+    assert LEARNERS["commons"].__name__ == "PolicyGradient"

@@ -8,7 +8,7 @@ import pytest
 
 from ethogram.cli import main
 
-COMMANDS = ["list", "run", "report", "replay", "claims", "compare", "digest", "reproduce"]
+COMMANDS = ["list", "run", "report", "replay", "claims", "compare", "digest", "reproduce", "new"]
 NUMBERS = ["0", "1", "2", "-1", "1.5", "1e999", "NaN", "9" * 400, "٣", "0x10", "", "two"]
 ODD = [
     *(
@@ -35,6 +35,7 @@ PATHS = [
     *("..", "/dev/null", "/proc/self", "results/toy", "loop", "/".join(["x" * 99] * 50)),
 ]
 STUDIES = ["toy", "Toy", "toi", "sharing", "../toy", "toy/"]
+KINDS = ["study", "world", "learner", "plan", "Study"]
 CASES = ["a", "b", "c", "d", "A"]
 PLANS = ["smoke", "single", "smok", "thesis", "SMOKE"]
 KEYS = [
@@ -75,6 +76,7 @@ TAKEN = {  # arguments, and the options that a command knows
     "compare": ([PATHS, PATHS], ["--out", "--json", "--no-show"]),
     "digest": ([PATHS], []),
     "reproduce": ([], ["--plan", "--out", "--workers", "--retry-failed"]),
+    "new": ([KINDS, ["meadow", *PATHS]], []),
 }
 
 

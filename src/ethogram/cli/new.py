@@ -7,6 +7,7 @@ import importlib.util
 import keyword
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -89,12 +90,18 @@ def _require_free_name(kind: Kind, name: str) -> None:
                 f"There is a {part} called {name!r} already; choose another name for the folder. "
                 f"Taken: {', '.join(taken)}."
             )
-    found = importlib.util.find_spec(name)
-    if found is not None and found.origin is not None:
+    if _can_be_imported(name):
         raise EthogramError(
-            f"There is a module called {name!r} already ({found.origin}); choose another name for "
-            "the folder."
+            f"There is a module called {name!r} already; choose another name for the folder."
         )
+
+
+def _can_be_imported(name: str) -> bool:
+    """Whether there is a module of that name; a folder that is no package is none."""
+    if name in sys.modules:
+        return True
+    found = importlib.util.find_spec(name)
+    return found is not None and found.origin is not None
 
 
 def _names(part: str) -> tuple[str, ...]:
