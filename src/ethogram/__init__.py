@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from ethogram.learners import LEARNERS
     from ethogram.learners.base import Learner, Trials
     from ethogram.learners.evolution import AgeFitness
+    from ethogram.learners.fitness import PolicyFitness
     from ethogram.learners.maddpg import MADDPG
     from ethogram.learners.qlearning import QLearning
     from ethogram.learners.train import train
+    from ethogram.learners.wrapping import wrap_for
     from ethogram.studies import STUDIES
     from ethogram.worlds import WORLDS
 
@@ -47,6 +49,7 @@ _WHERE = {
     "MultiDiscrete": "core.spaces",
     "Outcome": "core.world",
     "Policy": "core.rollout",
+    "PolicyFitness": "learners.fitness",
     "QLearning": "learners.qlearning",
     "Role": "core.world",
     "Scene": "core.scene",
@@ -61,6 +64,7 @@ _WHERE = {
     "rollout": "core.rollout",
     "train": "learners.train",
     "watch": "core.rollout",
+    "wrap_for": "learners.wrapping",
 }
 
 __all__ = [
@@ -76,6 +80,7 @@ __all__ = [
     "MultiDiscrete",
     "Outcome",
     "Policy",
+    "PolicyFitness",
     "QLearning",
     "Role",
     "Scene",
@@ -90,6 +95,7 @@ __all__ = [
     "rollout",
     "train",
     "watch",
+    "wrap_for",
 ]
 
 

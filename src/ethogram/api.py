@@ -53,6 +53,9 @@ def evaluate(world: World, policy: Policy, key: Key[Array, ""], episodes: int = 
         key: consumed; the same key gives the same episodes.
         episodes: how many, played side by side, each from its start to its end.
 
+    Raises:
+        EthogramError: the policy is no function, or the key no random key.
+
     """
     keys = jax.random.split(key, episodes)
     return eqx.filter_jit(returns_of_policy)(world, policy, keys)

@@ -16,10 +16,10 @@ from ethogram.learners import LEARNERS
 from ethogram.learners.base import undefined_metrics
 from ethogram.learners.dynamic_programming import MonteCarloControl
 from ethogram.learners.evolution import AgeFitness
-from ethogram.learners.fit import fit, matrix
 from ethogram.learners.fitness import PolicyFitness
 from ethogram.learners.maddpg import MADDPG
 from ethogram.learners.qlearning import QLearning
+from ethogram.learners.wrapping import matrix, wrap_for
 from ethogram.worlds import WORLDS
 from ethogram.worlds.language import Language
 from ethogram.worlds.publishing import Publishing
@@ -44,7 +44,7 @@ SMALL = {
 
 
 def knows_spaces(name):
-    """What `fit` takes for a learner: evolution knows a world by its fitness only."""
+    """What `wrap_for` takes for a learner: evolution knows a world by its fitness only."""
     return PolicyFitness if name == "age_fitness" else LEARNERS[name]
 
 
@@ -66,7 +66,7 @@ def small_learner(name, world):
 def fitted(learner_name, world):
     """The world in wrappers, or why there are none that help."""
     try:
-        return fit(knows_spaces(learner_name), world)
+        return wrap_for(knows_spaces(learner_name), world)
     except EthogramError as error:
         return str(error)
 

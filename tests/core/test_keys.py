@@ -88,3 +88,10 @@ def test_branches_share_no_word_with_each_other_or_with_their_key():
     assert len(np.unique(seen)) >= 2000 - 2  # of 2^32 words, two are alike by chance now and then
     many = jax.vmap(lambda number: branch(key, number))(jnp.arange(3))
     np.testing.assert_array_equal(jax.random.key_data(many)[1], jax.random.key_data(second))
+
+
+def test_what_is_no_random_key_is_refused_with_what_is_one():
+    require_key("train", jax.random.split(jax.random.key(0)))
+    for wrong in (0, jax.random.PRNGKey(0)):
+        with pytest.raises(EthogramError, match=r"train: key = .*; allowed: jax"):
+            require_key("train", wrong)

@@ -141,14 +141,18 @@ def test_what_is_no_shape_is_refused_with_what_is_allowed(made, said):
 
 
 def test_an_array_that_does_not_fit_the_cast_is_named():
-    with pytest.raises(EthogramError, match=r"tint is \(3, 1\), not \(3, 2\)"):
+    with pytest.raises(
+        EthogramError, match=r"tint has shape \(3, 1\); allowed: \(3, 2\), of 3 frames"
+    ):
         scene(tint=np.zeros((3, 1), int))
-    with pytest.raises(EthogramError, match=r"fresh is \(2, 2\), not \(3, 2\)"):
+    with pytest.raises(EthogramError, match=r"fresh has shape \(2, 2\); allowed: \(3, 2\)"):
         scene(fresh=np.zeros((2, 2), bool))
-    with pytest.raises(EthogramError, match=r"orientation is \(3, 2, 3\), not \(3, 2, 4\)"):
+    with pytest.raises(
+        EthogramError, match=r"orientation has shape \(3, 2, 3\); allowed: \(3, 2, 4\)"
+    ):
         scene(orientation=np.zeros((3, 2, 3)))
     for name in ("captions", "chapters"):
-        with pytest.raises(EthogramError, match=f"{name} is 1, not 3"):
+        with pytest.raises(EthogramError, match=f"{name} has as many entries as 1; allowed: 3"):
             scene(**{name: ("alone",)})
 
 

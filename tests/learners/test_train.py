@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ethogram.core.errors import EthogramError
 from ethogram.learners import train as training
 from ethogram.learners.base import Trials
 from ethogram.learners.train import Diverged, train
@@ -94,6 +95,28 @@ def test_a_state_that_breaks_in_its_last_step_is_handed_to_nobody():
             seconds=0,
         )
     assert watched == [1]
+
+
+def test_what_is_no_learner_is_refused_by_name():
+    class Growing(Toy):
+        def update(self, key, state):
+            del key
+            return {"weights": state["weights"][None]}, {}
+
+        def init(self, key):
+            del key
+            return {"weights": jnp.float32(0)}
+
+    class Listing(Toy):
+        def update(self, key, state):
+            del key
+            return state, [jnp.float32(0)]
+
+    key = jax.random.key(0)
+    with pytest.raises(EthogramError, match=r"Growing\.update: weights becomes float32\[1\]"):
+        train(Growing(), key, 1)
+    with pytest.raises(EthogramError, match=r"Listing\.update: its metrics are of type list"):
+        train(Listing(), key, 1)
 
 
 def test_every_update_gets_a_key_of_its_own_number_however_the_chunks_fall():

@@ -181,7 +181,7 @@ def test_a_reward_of_ones_own_takes_the_place_of_a_scenario():
     world = Sharing(scenario=first_come, agents=3)
     _, played = play(world, [[0, 0, 2], [0, 0, 2]])
     np.testing.assert_array_equal(played[1][1].reward["agent"], [0, 0, 1])  # two are too many
-    with pytest.raises(InvalidSettings, match=r"shape \(\); allowed: \(2,\), a number for each"):
+    with pytest.raises(InvalidSettings, match=r"scenario gives .* \(\); allowed: .* \(2,\)"):
         play(Sharing(scenario=lambda filling, agents, resources: 1.0), [[0] * 10])
 
 

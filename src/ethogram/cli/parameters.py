@@ -41,7 +41,10 @@ NewFolder = Annotated[
     Path, _PATH, Parameter(help="Folder to write, new or empty; its name becomes the package's.")
 ]
 Name = Annotated[str, Parameter(help="Name of the study; `ethogram list` shows them.")]
-PlanName = Annotated[str, Parameter(name="--plan", help="Name of the plan: smoke, quick, thesis.")]
+PlanName = Annotated[
+    str,
+    Parameter(name="--plan", help="Name of the plan; `ethogram list` shows those of each study."),
+]
 Folder = Annotated[
     Path, _PATH, Parameter(help="Folder of the results, where `ethogram run` put them.")
 ]

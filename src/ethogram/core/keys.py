@@ -7,11 +7,27 @@ a third of the price of a full generator.
 
 import hashlib
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int, Key, UInt32
+
+from ethogram.core.errors import EthogramError, shown
+
+
+def require_key(what: str, key: Any) -> None:
+    """Refuse what is no random key.
+
+    Raises:
+        EthogramError: it is a number or a key of the old kind; the message says what to use.
+
+    """
+    if not jnp.issubdtype(getattr(key, "dtype", object), jax.dtypes.prng_key):
+        raise EthogramError(
+            f"{what}: key = {shown(key)}; allowed: jax.random.key(seed), or a key split from one."
+        )
 
 
 def trial_keys(seed: int, case: str, trials: int) -> Key[Array, "trials"]:

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+
+from ethogram.core.settings import check_settings
 
 
 class Module(eqx.Module):
@@ -22,6 +25,10 @@ class Module(eqx.Module):
 
     __hash__ = object.__hash__
     __eq__ = object.__eq__
+
+    def __check_init__(self) -> None:
+        """Refuse settings out of range, naming each (see `ethogram.core.settings`)."""
+        check_settings(self)
 
     def __repr__(self) -> str:
         """The class with the values of its fields: `Sharing(scenario='cooperative', agents=10)`."""
@@ -46,7 +53,8 @@ def _shown(value: Any, field: "dataclasses.Field[Any]") -> str:
     """A field's value for a reader: numbers as numbers, functions and numbered choices by name."""
     if isinstance(value, jax.core.Tracer):
         return str(value)
-    if isinstance(value, jax.Array) and not value.ndim:
+    is_key = isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
+    if isinstance(value, jax.Array) and not value.ndim and not is_key:
         number = value.item()
         names = field.metadata.get("names", ())
         if names:

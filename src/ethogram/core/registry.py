@@ -58,7 +58,7 @@ class Registry(Generic[T]):
 
     def __contains__(self, name: object) -> bool:
         """Whether somebody registered the name; nothing is imported."""
-        return name in self._entries()
+        return isinstance(name, str) and name in self._entries()
 
     def __repr__(self) -> str:
         return f"<{self.what} registry: {', '.join(self)}>"
@@ -71,8 +71,8 @@ class Registry(Generic[T]):
         its package, file and line.  A failure inside Ethogram itself keeps its own traceback.
         """
         entries = self._entries()
-        if name not in entries:
-            raise UnknownName(self.what, name, entries)
+        if not isinstance(name, str) or name not in entries:
+            raise UnknownName(self.what, str(name), entries)
         entry, *others = entries[name]
         if others:
             raise EthogramError(

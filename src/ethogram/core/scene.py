@@ -213,8 +213,10 @@ class Scene:
 
     def _check_arrays(self) -> None:
         frames, cast = len(self.position), len(self.shapes)
+        if not frames:
+            self._refuse("frames", frames, "one or more")
         shapes = {
-            "position": (self.position.shape[:2], (frames, cast)),
+            "position": (self.position.shape, (frames, cast, *self.position.shape[2:3])),
             "tint": (self.tint.shape, (frames, cast)),
             "captions": (len(self.captions), frames),
             **{name: (line.shape[0], frames) for name, line in self.series.items()},
@@ -226,7 +228,11 @@ class Scene:
             shapes["chapters"] = (len(self.chapters), frames)
         for name, (found, wanted) in shapes.items():
             if found != wanted:
-                raise EthogramError(f"Scene {self.title!r}: {name} is {found}, not {wanted}.")
+                what = "has shape" if isinstance(found, tuple) else "has as many entries as"
+                raise EthogramError(
+                    f"Scene {self.title!r}: {name} {what} {found}; allowed: {wanted}, of {frames} "
+                    f"frames and {cast} shapes."
+                )
         if self.position.shape[2:] not in {(2,), (3,)}:
             axes = self.position.shape[2:]
             raise EthogramError(f"Scene {self.title!r}: a position has axes {axes}, not 2 or 3.")

@@ -36,6 +36,8 @@ class SearchSpace(eqx.Module):
             )
         low, high, lower, upper = (np.asarray(array) for array in arrays.values())
         wrong = ~(np.isfinite(low) & np.isfinite(high) & (low <= high))
+        with np.errstate(over="ignore"):
+            wrong |= ~np.isfinite(high - low)
         wrong |= ~((lower <= low) & (high <= upper))
         for gene in np.flatnonzero(wrong)[:1]:
             raise InvalidSettings(

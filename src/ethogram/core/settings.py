@@ -119,6 +119,28 @@ def function_of(functions: Mapping[str, F], value: str | F) -> F:
     return functions[value]
 
 
+def of_shape(setting: str, given: Any, shape: tuple[int, ...]) -> Array:
+    """What a function of a user's gave, as an array of real numbers.
+
+    Args:
+        setting: the field that the function stands in, for the message.
+        given: by the function.
+        shape: that it must have.
+
+    Raises:
+        InvalidSettings: it is no array of numbers, or one of another shape.
+
+    """
+    try:
+        array = jnp.asarray(given)
+    except (TypeError, ValueError):
+        array = None
+    if array is None or array.shape != shape:
+        found = shown(given) if array is None else f"an array of shape {array.shape}"
+        raise InvalidSettings(f"The function {setting} gives {found}; allowed: of shape {shape}.")
+    return array
+
+
 def _swept(value: Any) -> Any:
     """An array; None, where a setting admits it, stays what it is."""
     return value if value is None else jnp.asarray(value)

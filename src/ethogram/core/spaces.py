@@ -17,6 +17,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 
+from ethogram.core.errors import EthogramError
 from ethogram.core.settings import Number
 
 LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
@@ -31,6 +32,9 @@ class Discrete:
 
     n: int
     kind: ClassVar[Any] = WHOLE
+
+    def __post_init__(self) -> None:
+        _require_some(self, self.n)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -59,6 +63,9 @@ class MultiDiscrete:
 
     sizes: tuple[int, ...]
     kind: ClassVar[Any] = WHOLE
+
+    def __post_init__(self) -> None:
+        _require_some(self, *self.sizes)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -89,6 +96,9 @@ class Simplex:
     n: int
     used: Array | None = field(default=None, compare=False, repr=False)  # Bool[n]
     kind: ClassVar[Any] = REAL
+
+    def __post_init__(self) -> None:
+        _require_some(self, self.n)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -128,6 +138,12 @@ class Box:
     shape: tuple[int, ...]
     used: Array | None = field(default=None, compare=False, repr=False)  # Bool[shape]
     kind: ClassVar[Any] = REAL
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shape", tuple(self.shape))
+        bounds = self.low, self.high
+        if not any(isinstance(bound, Array) for bound in bounds) and self.low > self.high:
+            raise EthogramError(f"Box: low = {self.low} is above high = {self.high}.")
 
     @property
     def is_bounded(self) -> bool:
@@ -175,6 +191,13 @@ def is_of_kind(space: Space, value: Array) -> bool:
     is_real = is_whole or jnp.issubdtype(value.dtype, jnp.floating)
     fits = value.shape[value.ndim - min(value.ndim, len(space.shape)) :] == space.shape
     return fits and (is_whole if space.kind is WHOLE else is_real)
+
+
+def _require_some(space: Space, *sizes: int) -> None:
+    """Refuse a space without a value in it."""
+    for size in sizes:
+        if size < 1:
+            raise EthogramError(f"{space}: a size of {size}; allowed: 1 or more.")
 
 
 def _none_of(space: Space, value: Array) -> Array:

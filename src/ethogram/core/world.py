@@ -18,7 +18,6 @@ from ethogram.core.actions import admitting, formed, require_inside
 from ethogram.core.errors import EthogramError
 from ethogram.core.module import Module
 from ethogram.core.scene import Scene
-from ethogram.core.settings import check_settings
 from ethogram.core.spaces import Space
 
 PerRole = dict[str, Array]  # an array per role; the leading axis counts the role's agents
@@ -101,10 +100,6 @@ class World(Module):
         super().__init_subclass__(**further)
         if "step" in vars(cls) and not any_action:
             cls.step = admitting(vars(cls)["step"])  # type: ignore[method-assign]
-
-    def __check_init__(self) -> None:
-        """Refuse settings out of range, naming each (see `ethogram.core.settings`)."""
-        check_settings(self)
 
     @property
     @abstractmethod

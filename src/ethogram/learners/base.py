@@ -95,6 +95,11 @@ class Trials(Module):
         """The learner's."""
         return undefined_metrics(self.learner)
 
+    @property
+    def spaces(self) -> "Spaces":
+        """The learner's."""
+        return getattr(self.learner, "spaces", Spaces())
+
     def init(self, key: Key[Array, "trial"]) -> LearnerState:
         """The states before the first update."""
         return self._of_each(self.learner.init)(key)

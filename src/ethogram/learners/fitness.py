@@ -13,7 +13,7 @@ from pydantic import Field
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.search_space import SearchSpace
-from ethogram.core.settings import check_settings, setting
+from ethogram.core.settings import setting
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
 from ethogram.learners.action_heads import (
@@ -56,14 +56,12 @@ class PolicyFitness(Module):
     reach: float = setting(1.0, Annotated[float, Field(gt=0)], static=True)
 
     def __check_init__(self) -> None:
-        """Refuse settings out of range, and a world that networks cannot act in.
+        """Refuse a world that networks cannot act in.
 
         Raises:
-            InvalidSettings: naming every value out of bounds.
             EthogramError: a role's actions are no choices and no bounded box.
 
         """
-        check_settings(self)
         for name, role in self.world.roles.items():
             require_head("PolicyFitness", name, role.action)
 

@@ -58,7 +58,7 @@ from ethogram.core.errors import InvalidSettings
 from ethogram.core.memory import readable_bytes, require_memory
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
-from ethogram.core.settings import Number, check_settings, setting
+from ethogram.core.settings import Number, setting
 from ethogram.core.spaces import Box
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
@@ -181,14 +181,13 @@ class MADDPG(Module):
     straight_through: bool = setting(False, bool, static=True)
 
     def __check_init__(self) -> None:
-        """Refuse settings out of range, and a world that the learner cannot act in.
+        """Refuse a buffer too small, and a world that the learner cannot act in.
 
         Raises:
-            InvalidSettings: naming every value out of bounds; or one play would not fit in memory.
+            InvalidSettings: one play would not fit in the buffer.
             EthogramError: a role's actions are no choices and no bounded box.
 
         """
-        check_settings(self)
         played = self.episodes_per_update * self.world.horizon
         if self.buffer_size < played:
             raise InvalidSettings(

@@ -34,7 +34,7 @@ from pydantic import Field
 
 from ethogram.core.batching import take
 from ethogram.core.errors import EthogramError, TooLarge
-from ethogram.core.keys import counter_bits, fold_in
+from ethogram.core.keys import counter_bits, fold_in, require_key
 from ethogram.core.memory import readable_bytes, readable_count, require_memory
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
@@ -45,7 +45,7 @@ from ethogram.learners.base import Metrics, Spaces
 from ethogram.learners.distributions import epsilon_greedy
 from ethogram.learners.episodes import role_keys
 from ethogram.learners.returns import td_target
-from ethogram.learners.schedules import ExponentialDecay, Schedule
+from ethogram.learners.schedules import ExponentialDecay, Schedule, schedule_of
 
 
 class QLearningState(eqx.Module):
@@ -84,7 +84,7 @@ class QLearning(Module):
     spaces: ClassVar[Spaces] = Spaces((Discrete,), (Discrete,))
 
     world: World
-    epsilon: Schedule = ExponentialDecay()
+    epsilon: Schedule = eqx.field(default=ExponentialDecay(), converter=schedule_of)
     learning_rate: Number = setting(0.1, Annotated[float, Field(ge=0, le=1)])
     discount: Number = setting(0.9, Annotated[float, Field(ge=0, le=1)])
     shared: bool = eqx.field(static=True, default=False)  # one table for all agents of a role
@@ -100,6 +100,7 @@ class QLearning(Module):
             TooLarge: the tables would not fit in memory; the message names the size.
 
         """
+        require_key("QLearning.init", key)
         size, needed = self.size(key.size), self.table_bytes(key.size)
         require_memory(f"Q-learning with {size}", needed)
         table = {}
@@ -154,7 +155,17 @@ class QLearning(Module):
         return QLearningState(after, state.episode + 1), {"episode_return": earned}
 
     def policy(self, state: QLearningState, *, explore: bool = False) -> Policy:
-        """Act by the tables of one trial: greedily, ties at random, or exploring as in training."""
+        """Act by the tables of one trial: greedily, ties at random, or exploring as in training.
+
+        Raises:
+            EthogramError: the state is of several trials.
+
+        """
+        if state.episode.ndim:
+            raise EthogramError(
+                f"QLearning.policy: a state of {state.episode.size} trials; allowed: of one, such "
+                "as jax.tree.map(lambda part: part[0], state)."
+            )
         epsilon = self.epsilon(state.episode) if explore else 0.0
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
@@ -271,7 +282,7 @@ class QLearning(Module):
         if not isinstance(space, Discrete):
             raise EthogramError(
                 f"Q-learning needs discrete spaces; {role!r} of {type(self.world).__name__} has "
-                f"{space}."
+                f"{space}. ethogram.wrap_for puts a world in wrappers that change its spaces."
             )
         return space.n
 

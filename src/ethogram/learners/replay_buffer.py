@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Int, Key, UInt32
 
+from ethogram.core.errors import EthogramError
 from ethogram.core.spaces import Discrete, MultiDiscrete, Space
 from ethogram.core.specs import array_spec, key_spec, role_specs, state_spec
 from ethogram.core.world import PerRole, Transition, World
@@ -129,6 +130,13 @@ class Layout(Generic[T]):
         leaves, self._structure = jax.tree.flatten(like)
         self._shapes = [leaf.shape for leaf in leaves]
         self._types = [leaf.dtype for leaf in leaves]
+        for path, leaf in jax.tree_util.tree_leaves_with_path(like):
+            if not (_is_key(leaf.dtype) or _is_bool(leaf.dtype) or leaf.dtype.itemsize == 4):
+                name = jax.tree_util.keystr(path, simple=True, separator=".")
+                raise EthogramError(
+                    f"A replay buffer cannot keep {name} of type {leaf.dtype}; allowed: numbers of "
+                    "32 bits, truth values and random keys."
+                )
 
     @cached_property
     def row_width(self) -> int:

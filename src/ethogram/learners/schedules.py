@@ -1,7 +1,7 @@
 """Values that change as a learner learns: how much to explore, how far to step."""
 
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ from jax import Array
 from jaxtyping import Float, Int
 from pydantic import Field
 
+from ethogram.core.errors import InvalidSettings, shown
 from ethogram.core.module import Module
 from ethogram.core.settings import Number, setting
 
@@ -56,3 +57,17 @@ class Linear(Schedule):
         """The interpolated value."""
         passed = jnp.clip(update / self.updates, 0.0, 1.0)
         return self.start + passed * (self.end - self.start)
+
+
+def schedule_of(value: Any) -> Schedule:
+    """A schedule as it is; a number as `Constant`.
+
+    Raises:
+        InvalidSettings: it is neither.
+
+    """
+    if isinstance(value, Schedule):
+        return value
+    if isinstance(value, int | float | Array) and not isinstance(value, bool):
+        return Constant(value)
+    raise InvalidSettings(f"{shown(value)} is no schedule; allowed: a number or a Schedule.")

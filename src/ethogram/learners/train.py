@@ -20,7 +20,7 @@ from jax import Array, lax
 from jaxtyping import Int, Key
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.keys import fold_in
+from ethogram.core.keys import fold_in, require_key
 from ethogram.learners.base import Learner, Metrics, undefined_metrics
 
 AfterChunk = Callable[[int, Any, Metrics], None]  # (updates done, state, metrics)
@@ -79,6 +79,7 @@ def train(
             NaN.
 
     """
+    require_key("train", key)
     if state is None:
         state = eqx.filter_jit(learner.init)(fold_in(key, _INIT))
     kept: list[Metrics] = []
@@ -118,7 +119,8 @@ def _updates(
     def update(number: Int[Array, ""], state: Any) -> tuple[Any, Any]:
         return learner.update(fold_in(key, number), state)
 
-    _, one = jax.eval_shape(update, first, state)
+    after, one = jax.eval_shape(update, first, state)
+    _require_interface(learner, state, after, one)
     room = _room(jax.tree.map(lambda metric: np.empty((1, *metric.shape), metric.dtype), one))
     kept = jax.tree.map(lambda metric: jnp.zeros((room, *metric.shape), metric.dtype), one)
 
@@ -129,6 +131,30 @@ def _updates(
         )
 
     return lax.fori_loop(0, length, advance, (state, kept))
+
+
+def _require_interface(learner: Learner, state: Any, after: Any, metrics: Any) -> None:
+    """Refuse a learner whose update gives something else than a state like its own, and metrics.
+
+    Raises:
+        EthogramError: naming the learner and what is wrong with it.
+
+    """
+    name = f"{type(learner).__name__}.update"
+    if not isinstance(metrics, dict):
+        raise EthogramError(
+            f"{name}: its metrics are of type {type(metrics).__name__}; allowed: a dict of arrays."
+        )
+    if not eqx.tree_equal(*map(jax.tree.structure, (after, state))):
+        raise EthogramError(f"{name}: the state that it gives is another tree than the one it got.")
+    paths = jax.tree_util.tree_leaves_with_path(state)
+    for (path, before), now in zip(paths, jax.tree.leaves(after), strict=True):
+        if (before.shape, before.dtype) != (now.shape, now.dtype):
+            where = jax.tree_util.keystr(path, simple=True, separator=".") or "the state"
+            raise EthogramError(
+                f"{name}: {where} becomes {now.dtype}{list(now.shape)}; allowed: "
+                f"{before.dtype}{list(before.shape)}, as it was."
+            )
 
 
 _run_chunk = eqx.filter_jit(_updates, donate="all-except-first")

@@ -109,7 +109,7 @@ def subsample(scene: Scene, step: int) -> Scene:
 def _encode(replay: Replay, thinned: tuple[int, int] | None = None) -> str:
     """A replay as JSON, with how many frames there were and every which of them is left."""
     plain = _replay_json(replay) | ({"thinned": thinned} if thinned else {})
-    text = json.dumps(plain, allow_nan=False)
+    text = json.dumps(plain, allow_nan=False, default=float)
     # no text can end the element or begin a comment in it
     for mark in "<>&":
         text = text.replace(mark, f"\\u{ord(mark):04x}")

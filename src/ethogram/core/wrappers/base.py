@@ -5,14 +5,39 @@ from typing import Any
 
 from jaxtyping import Array, Key
 
+from ethogram.core.errors import EthogramError, shown
 from ethogram.core.scene import Scene
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 
 
 class Wrapper(World, any_action=True):
-    """Another world as it is; what a subclass defines is different."""
+    """Another world as it is; what a subclass defines is different.
+
+        class Doubled(Wrapper):
+            def step(self, key, state, action):
+                state, outcome = self.world.step(key, state, action)
+                reward = {role: 2 * earned for role, earned in outcome.reward.items()}
+                return state, dataclasses.replace(outcome, reward=reward)
+
+    A wrapper whose state is another than that of the world inside, such as `(inner, count)`, also
+    defines `inner_state`, which gives the inner one, and `observe`.  States and outcomes are
+    frozen: `dataclasses.replace` makes others of them.
+    """
 
     world: World
+
+    def __check_init__(self) -> None:
+        """Refuse what is no world.
+
+        Raises:
+            EthogramError: naming what was given.
+
+        """
+        if not isinstance(self.world, World):
+            raise EthogramError(
+                f"{type(self).__name__}: {shown(self.world)} is no world; allowed: one such as "
+                "ethogram.make('sharing')."
+            )
 
     @property
     def roles(self) -> dict[str, Role]:

@@ -81,13 +81,15 @@ class GivenPolicies(Wrapper):
         others = {name: self._of_others(getattr(outcome, name)) for name in parts}
         return after, dataclasses.replace(outcome, **others)
 
-    def completed(self, policy: Policy) -> Policy:
+    def completed(self, policy: Any) -> Any:
         """A policy of the world inside, of one of this world: all roles act."""
 
-        def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+        def act(key: Key[Array, ""], observation: PerRole) -> Any:
             given = RolePolicies(self.given)(branch(key, 0), observation)
-            action = policy(branch(key, 1), self._of_others(observation))
-            return {role: (given | action)[role] for role in self.world.roles}
+            chosen = policy(branch(key, 1), self._of_others(observation))
+            action = chosen[0] if isinstance(chosen, tuple) else chosen
+            both = {role: (given | action)[role] for role in self.world.roles}
+            return (both, chosen[1]) if isinstance(chosen, tuple) else both
 
         return act
 
@@ -96,7 +98,7 @@ class GivenPolicies(Wrapper):
 
 
 def completed(world: World, policy: Policy) -> Policy:
-    """A policy of the world inside all wrappers that give policies."""
+    """A policy of the world inside the outermost wrappers that give policies."""
     while isinstance(world, GivenPolicies):
         policy, world = world.completed(policy), world.world
     return policy

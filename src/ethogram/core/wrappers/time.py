@@ -77,7 +77,9 @@ class RepeatAction(Wrapper):
 
     def step(self, key: Key[Array, ""], state: Any, action: PerRole) -> tuple[Any, Outcome]:
         """Take some steps."""
-        first = self.world.step(branch(key, 0), state, action)
+        after, outcome = self.world.step(branch(key, 0), state, action)
+        reward = {role: earned.astype(float) for role, earned in outcome.reward.items()}
+        first = after, dataclasses.replace(outcome, reward=reward)
 
         def again(at: tuple[Any, Outcome], number: Int[Array, ""]) -> tuple[Any, None]:
             state, so_far = at

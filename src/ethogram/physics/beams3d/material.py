@@ -8,7 +8,7 @@ from jaxtyping import Float
 from pydantic import Field
 
 from ethogram.core.module import Module
-from ethogram.core.settings import Number, check_settings, setting
+from ethogram.core.settings import Number, setting
 
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0)]
@@ -46,10 +46,6 @@ class Material(Module):
     floor_damping: Number = setting(0.8, Share)
     global_damping: Number = setting(0.01, Share)  # drag, everywhere
     step_fraction: Number = setting(0.2, Annotated[float, Field(gt=0, le=1)])  # of the longest step
-
-    def __check_init__(self) -> None:
-        """Refuse settings out of range."""
-        check_settings(self)
 
     @property
     def time_step(self) -> Float[Array, ""]:

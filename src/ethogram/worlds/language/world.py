@@ -38,10 +38,10 @@ from jax import Array
 from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, shown
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
-from ethogram.core.settings import Number, function_of, named, setting
+from ethogram.core.settings import Number, function_of, named, of_shape, setting
 from ethogram.core.spaces import Box, Simplex
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.language.scene import record
@@ -237,7 +237,14 @@ class Language(World):
     def _move(self, state: State, action: PerRole) -> State:
         push = action["mover"] @ jnp.asarray(MOVES, jnp.float32)
         advance = function_of(DYNAMICS, self.dynamics)
-        position, velocity = advance(state.position, state.velocity, push, self.delta)
+        moved = advance(state.position, state.velocity, push, self.delta)
+        if not (isinstance(moved, tuple) and len(moved) == 2):
+            raise InvalidSettings(
+                f"The function dynamics gives {shown(moved)}; allowed: positions and velocities."
+            )
+        position, velocity = (
+            of_shape("dynamics", each, push.shape).astype(push.dtype) for each in moved
+        )
         return State(
             position,
             velocity,

@@ -25,7 +25,7 @@ from jaxtyping import Float, Int, Key
 
 from ethogram.core.batching import add, in_any_copy, put, take
 from ethogram.core.keys import branch, random_words, scaled, unit
-from ethogram.core.settings import function_of
+from ethogram.core.settings import function_of, of_shape
 from ethogram.worlds.publishing.citations import CitationStats
 from ethogram.worlds.publishing.editorial import write
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018, Sources
@@ -61,6 +61,7 @@ def initial_state(world: "Publishing", key: Key[Array, ""]) -> State:
     cited = initial_references(for_cited, level, year, world.references)
     assign = function_of(ASSIGNMENTS, world.init_assignment)
     journal = assign(for_place, year, cited, world.journals, AIMS[world.init_sources])
+    journal = of_shape("init_assignment", journal, year.shape)
     counts = (cited >= 0) & (year[:, None] == INITIAL_YEARS - 1)
     counts &= take(year, jnp.maximum(cited, 0)) < INITIAL_YEARS - 1
     nobody = jnp.zeros(world.journals, jnp.int32)

@@ -33,7 +33,7 @@ from ethogram.core.keys import branch, random_words
 from ethogram.core.memory import readable_count, require_memory
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
-from ethogram.core.settings import Number, function_of, named, setting
+from ethogram.core.settings import Number, function_of, named, of_shape, setting
 from ethogram.core.spaces import LARGEST_INDEX, Box, Discrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.publishing.editorial import pass_time, submit
@@ -226,20 +226,23 @@ class Publishing(World):
     ) -> Float[Array, "journal"]:
         """Of each journal, from citations received and papers of the two years before."""
         undefined = jnp.nan if self.undefined_if is None else self.undefined_if
-        return function_of(IMPACT_FACTORS, self.if_window)(received, papers, undefined)
+        found = function_of(IMPACT_FACTORS, self.if_window)(received, papers, undefined)
+        return of_shape("if_window", found, received.shape)
 
     def power_law(self, key: Key[Array, ""], size: int) -> Float[Array, "..."]:
         """Qualities of so many authors or papers, in [0, quality_max]."""
         exponent, largest = self.power_law_exponent, self.power_law_max
         drawn = power_law(key, (size,), exponent=exponent, largest=largest)
-        return function_of(QUALITY_SCALES, self.quality_scale)(drawn, largest, self.quality_max)
+        scaled = function_of(QUALITY_SCALES, self.quality_scale)(drawn, largest, self.quality_max)
+        return of_shape("quality_scale", scaled, drawn.shape)
 
     def draft_quality(
         self, key: Key[Array, ""], quality: Float[Array, "author"]
     ) -> Float[Array, "author"]:
         """Of a new draft of each author."""
         law = function_of(DRAFT_QUALITIES, self.quality_bounds)
-        return law(random_words(key, self.authors), quality, self.sigma, self.quality_max)
+        drawn = law(random_words(key, self.authors), quality, self.sigma, self.quality_max)
+        return of_shape("quality_bounds", drawn, quality.shape)
 
     def levels(self, quality: Float[Array, "..."]) -> Int[Array, "..."]:
         """Qualities cut off at their bounds and rounded."""

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.settings import of_shape
 
 Scenario = Literal["cooperative", "competitive", "mixed"]
 Reading = Literal["scaled", "literal"]
@@ -75,12 +75,6 @@ def reward_of_filling(
     """
     shared = filling.astype(jnp.float32)
     if callable(scenario):
-        pays = jnp.asarray(scenario(shared, agents, resources))
-        if pays.shape != shared.shape:
-            raise InvalidSettings(
-                f"Sharing: the reward function gives an array of shape {pays.shape}; allowed: "
-                f"{shared.shape}, a number for each resource."
-            )
-        return pays
+        return of_shape("scenario", scenario(shared, agents, resources), shared.shape)
     every = [reward(shared, agents, resources, literal=literal) for reward in REWARDS.values()]
     return jnp.stack(every)[scenario]

@@ -26,13 +26,14 @@ bit is no part of the action; the end of an episode is a time limit, hence trunc
 from typing import Annotated, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import TooLarge, UnknownName
+from ethogram.core.errors import InvalidSettings, TooLarge, UnknownName, shown
 from ethogram.core.memory import readable_count
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
@@ -71,7 +72,16 @@ def scenario_code(scenario: str | Int[Array, "..."] | Reward) -> Int[Array, "...
         if scenario not in REWARDS:
             raise UnknownName("scenario", scenario, REWARDS)
         return jnp.int32(list(REWARDS).index(scenario))
-    return jnp.asarray(scenario, jnp.int32)
+    code = jnp.asarray(scenario)
+    known = jnp.issubdtype(code.dtype, jnp.integer)
+    if not isinstance(code, jax.core.Tracer):
+        known = known and bool(((code >= 0) & (code < len(REWARDS))).all())
+    if not known:
+        raise InvalidSettings(
+            f"Sharing: scenario = {shown(scenario)}; allowed: a function, one of "
+            f"{', '.join(REWARDS)}, or their numbers from 0 to {len(REWARDS) - 1}."
+        )
+    return code.astype(jnp.int32)
 
 
 class Sharing(World):

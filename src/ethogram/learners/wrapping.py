@@ -9,7 +9,7 @@ choices.
 from math import prod
 from typing import Any
 
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, shown
 from ethogram.core.spaces import Space
 from ethogram.core.world import World
 from ethogram.core.wrappers import DiscretizeAction, DiscretizeObservation, Wrapper
@@ -20,7 +20,7 @@ MIN_BINS, MAX_BINS = 2, 10
 MAX_ROWS = 100_000
 
 
-def fit(learner: Any, world: World) -> World:
+def wrap_for(learner: Any, world: World) -> World:
     """The world in the wrappers that a learner needs; as it is, if it needs none.
 
     Args:
@@ -33,6 +33,11 @@ def fit(learner: Any, world: World) -> World:
             role, and the wrapper in which more can be said.
 
     """
+    if isinstance(learner, str) or not isinstance(world, World):
+        raise EthogramError(
+            f"wrap_for: {shown(learner)} in {shown(world)}; allowed: a learner or its class, such "
+            "as ethogram.LEARNERS['qlearning'], and a world."
+        )
     spaces: Spaces = getattr(learner, "spaces", Spaces())
     roles = world.roles.values()
     if not all(isinstance(role.observation, spaces.observation) for role in roles):
@@ -43,14 +48,14 @@ def fit(learner: Any, world: World) -> World:
 
 
 def wrappers_for(learner: Any, world: World) -> tuple[str, ...]:
-    """The wrappers of `fit` in words, the innermost first.
+    """The wrappers of `wrap_for` in words, the innermost first.
 
     Raises:
-        EthogramError: as `fit`.
+        EthogramError: as `wrap_for`.
 
     """
     found: list[str] = []
-    at = fit(learner, world)
+    at = wrap_for(learner, world)
     while at is not world:
         assert isinstance(at, Wrapper)
         bins = f"(bins={at.bins})" if isinstance(at, DiscretizeObservation) else ""
@@ -63,7 +68,7 @@ def matrix(learners: dict[str, Any], worlds: dict[str, World]) -> str:
     """A table in Markdown of what each learner needs in each world, or why it cannot act there.
 
     Args:
-        learners: by name, what `fit` takes.
+        learners: by name, what `wrap_for` takes.
         worlds: by name.
 
     """
