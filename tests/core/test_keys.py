@@ -43,7 +43,7 @@ def test_keys_of_any_shape_are_folded_one_by_one():
 
 
 @pytest.fixture(scope="module")
-def random_words():
+def words():
     """Words of 400 episodes' keys, a thousand each."""
     keys = jax.random.split(jax.random.key(11), 400)
     return np.asarray(jax.vmap(counter_bits, (0, None))(keys, jnp.arange(1000)))
