@@ -24,7 +24,7 @@ reproduce: $(READY)  ## run every study's quick plan, then write the report: res
 	$(BIN)/ethogram reproduce --plan quick --out $(OUT)
 
 test: $(READY)  ## run the tests that take seconds
-	$(BIN)/pytest -n $(JOBS)
+	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
 test-slow: $(READY)  ## run the tests that take minutes
 	$(BIN)/pytest -m slow

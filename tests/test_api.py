@@ -38,8 +38,8 @@ def test_a_world_is_made_by_its_name_and_wrong_settings_are_named():
         ethogram.make("sharing", agent=4)
     with pytest.raises(InvalidSettings, match="agents = 0"):
         ethogram.make("sharing", agents=0)
-    with pytest.raises(InvalidSettings, match="scenario = 7; allowed: a function, one of coop"):
-        ethogram.make("sharing", scenario=7)
+    with pytest.raises(InvalidSettings, match=r"scenario = .*7.*; allowed: a function"):
+        ethogram.make("sharing", scenario=jnp.int32(7))
 
 
 def test_what_is_no_world_is_put_in_no_wrapper():

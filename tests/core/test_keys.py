@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, kstest
 
+from ethogram.core.errors import EthogramError
 from ethogram.core.keys import (
     branch,
     counter_bits,
     fold_in,
     gaussian,
+    require_key,
     scaled,
     trial_keys,
     unit,

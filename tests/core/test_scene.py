@@ -122,8 +122,8 @@ def test_what_cannot_be_drawn_of_a_polygon_is_hidden_and_nothing_else():
         (lambda: BackgroundShape("circle", TRIANGLE, 0), "allowed: line, polygon"),
         (lambda: BackgroundShape("line", TRIANGLE, 0, -1.0), "width -1.0; allowed: 0 or more"),
         (lambda: plane(vertices=None), "a polygon has vertices"),
-        (lambda: plane(vertices=np.zeros((3, 2, 4))), r"vertices is \(3, 2, 4\), not"),
-        (lambda: plane(heading=np.zeros((3, 1))), r"heading is \(3, 1\), not \(3, 2\)"),
+        (lambda: plane(vertices=np.zeros((3, 2, 4))), r"vertices has shape \(3, 2, 4\); allowed"),
+        (lambda: plane(heading=np.zeros((3, 1))), r"heading has shape \(3, 1\); allowed: \(3, 2\)"),
         (
             lambda: plane(background=(BackgroundShape("polygon", TRIANGLE, 2),)),
             "background has tint 2; allowed: entries of a palette of 2",
@@ -216,3 +216,8 @@ def test_scenes_of_trials_are_groups_of_a_record_and_found_there_again():
     found = groups_by_trial(["results", "scene-10", "scenery", "scene-b", *groups])
     assert found == {1: "scene", 2: "scene-2", 3: "scene-3", 10: "scene-10"}
     assert [Scene.from_dataset(groups[found[trial]]).title for trial in (1, 2, 3)] == titles
+
+
+def test_a_scene_without_frames_is_refused():
+    with pytest.raises(EthogramError, match=r"frames 0; allowed: one or more"):
+        scene(position=np.zeros((0, 2, 2)), tint=np.zeros((0, 2), int), captions=(), series={})

@@ -49,8 +49,6 @@ def write_video(file: Path, scene: Scene, *, width: int = WIDTH) -> None:
             f"{str(file)!r} cannot be a video: {', '.join(FORMATS)} can, by the name's end, "
             f"and this one's is {file.suffix!r}."
         )
-    if not len(scene.tint):
-        raise EthogramError(f"Scene {scene.title!r} has no frame.")
     if not FASTEST <= scene.frame_seconds <= SLOWEST:
         raise EthogramError(
             f"Scene {scene.title!r} shows a frame for {scene.frame_seconds} s; a video can from "
