@@ -48,7 +48,15 @@ WRAPPED = {
 }
 
 
-@pytest.fixture(scope="module", params=[*WORLDS, *WRAPPED])
+# the publishing system with learnable policies takes as long to compile as the system, again
+SLOW = "learnable_publishing"
+EVERY = [
+    pytest.param(name, marks=[pytest.mark.slow] if name == SLOW else [])
+    for name in (*WORLDS, *WRAPPED)
+]
+
+
+@pytest.fixture(scope="module", params=EVERY)
 def played(request):
     """A world with its default settings, and a few random steps in it, eager and jitted."""
     world = (WRAPPED.get(request.param) or WORLDS[request.param])()
@@ -267,7 +275,7 @@ def swept(world, path):
     return dataclasses.replace(world, **{path[0]: swept(getattr(world, path[0]), path[1:])})
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", [name for name in WORLDS if name != SLOW])
 def test_every_numeric_setting_can_be_swept(name):
     world = WORLDS[name]()
     paths = list(numeric_settings(world))

@@ -55,6 +55,7 @@ def test_a_fitness_with_a_key_of_its_own_is_deterministic():
     assert (other[0] != other[1]).any()
 
 
+@pytest.mark.slow
 def test_evolved_networks_reach_the_target():
     fitness = PolicyFitness(Reach(), key=KEY, episodes=8, hidden_size=4)
     learner = AgeFitness(fitness.search_space, fitness, population_size=20, mutation_scale=0.5)

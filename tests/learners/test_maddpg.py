@@ -118,6 +118,7 @@ def test_a_talker_with_a_small_alphabet_never_says_a_word_that_there_is_not(expl
     assert world.roles["talker"].action.contains(said).all()
 
 
+@pytest.mark.slow
 def test_it_learns_in_the_sharing_world():
     world = Sharing(agents=2, resources=2, steps=4, encoding="vector")
     learner = MADDPG(world, updates_per_iteration=2, **SMALL)

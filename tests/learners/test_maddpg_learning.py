@@ -33,7 +33,7 @@ def trained(learner, seed, updates=UPDATES, after_chunk=None):
     return train(learner, key, updates, state=state, after_chunk=after_chunk)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_two_agents_learn_to_play_together(seed):
     learner = duet()
     state, metrics = trained(learner, seed)

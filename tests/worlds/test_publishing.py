@@ -316,7 +316,9 @@ def test_a_step_without_papers_has_its_place_among_the_others():
     assert len(papers) == published[-1]
 
 
-@pytest.mark.parametrize(("authors", "share"), [(2, 1.0), (40, -1.0)])
+@pytest.mark.parametrize(
+    ("authors", "share"), [(2, 1.0), pytest.param(40, -1.0, marks=pytest.mark.slow)]
+)
 def test_runs_side_by_side_are_the_runs_one_by_one(authors, share):
     """Also where in one of them nothing comes out, and where more does than is served at once."""
     world = Publishing(authors=authors, journals=10, initial_papers=40, years=2, steps_per_year=4)

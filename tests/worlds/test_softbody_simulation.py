@@ -83,6 +83,7 @@ def test_where_a_robot_goes_does_not_depend_on_others_or_on_being_recorded(world
     np.testing.assert_array_equal(found.recorded[..., ::2], found.recorded[..., :1].repeat(80, -1))
 
 
+@pytest.mark.slow
 def test_sets_of_robots_under_vmap_are_one_row_of_robots_to_the_last_bit(world, genes, even):
     sets = jnp.stack([genes[:, :2], genes[:, 2:4]])
     pulls = jnp.stack([even, schedule("flat", STEPS)])
@@ -130,7 +131,7 @@ def test_a_robot_that_diverges_has_no_distance_and_the_others_keep_theirs(world,
     np.testing.assert_array_equal(found.distance[::2], sound.distance[::2])
 
 
-@pytest.mark.parametrize("kind", [Sensing, NonSensing])
+@pytest.mark.parametrize("kind", [Sensing, pytest.param(NonSensing, marks=pytest.mark.slow)])
 def test_distances_have_the_gradient_in_the_parameters_that_differences_show(kind):
     with jax.enable_x64(True):
         world, controller = SoftBody3D(body="####"), kind(4)
