@@ -10,6 +10,7 @@ from tests.learners.toys import Choir, Duet, Market, Reach, Recital
 from ethogram.core.errors import EthogramError, InvalidSettings, TooLarge, UnknownName
 from ethogram.core.rollout import rollout, watch
 from ethogram.core.spaces import Box, Discrete
+from ethogram.core.world import Outcome, Role, World
 from ethogram.core.wrappers import (
     DiscretizeAction,
     DiscretizeObservation,
@@ -137,6 +138,39 @@ def test_repeated_actions_add_up_what_is_earned_until_the_episode_ends():
     assert after.time == 4
     _, played = rollout(world, lambda *_: {"hand": jnp.zeros((1, 2))}, KEY, 3)
     assert played.outcome.truncated["hand"][:, 0].tolist() == [False, False, True]  # after 10
+
+
+class Relay(World):
+    """Two runners who earn 1 a step; the first ends after one step, the other after three."""
+
+    horizon = 3
+
+    @property
+    def roles(self):
+        return {"runner": Role(2, Discrete(1), Discrete(1))}
+
+    def reset(self, key):
+        del key
+        return jnp.int32(0), self.observe(0)
+
+    def observe(self, state):
+        del state
+        return {"runner": jnp.zeros(2, int)}
+
+    def step(self, key, state, action):
+        del key, action
+        ended = {"runner": state + 1 >= jnp.array([1, 3])}
+        never = {"runner": jnp.zeros(2, bool)}
+        return state + 1, Outcome(self.observe(state), {"runner": jnp.ones(2)}, ended, never)
+
+
+def test_in_repeated_actions_who_has_ended_earns_no_more_while_others_go_on():
+    world = RepeatAction(Relay(), times=2)
+    state, _ = world.reset(KEY)
+    action = {"runner": jnp.zeros(2, int)}
+    state, outcome = eqx.filter_jit(world.step)(KEY, state, action)
+    np.testing.assert_array_equal(outcome.reward["runner"], [1, 2])
+    np.testing.assert_array_equal(outcome.terminated["runner"], [True, False])
 
 
 def test_time_is_up_after_the_limit_and_a_termination_is_none():
