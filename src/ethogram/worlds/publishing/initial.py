@@ -14,6 +14,7 @@ The papers of year 0 count for no impact factor yet, and go anywhere, but for "o
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -160,32 +161,7 @@ def anywhere(
     return jax.random.randint(for_place, year.shape, 0, journals)
 
 
-def two_phase(
-    key: Key[Array, ""],
-    year: Int[Array, "paper"],
-    cited: Int[Array, "paper reference"],
-    journals: int,
-    aim: Float[np.ndarray, "bin"],
-) -> Int[Array, "paper"]:
-    """A journal for each initial paper, placed when the citations of all are known."""
-    return _place(key, year, cited, journals, aim, known=True)
-
-
-def online(
-    key: Key[Array, ""],
-    year: Int[Array, "paper"],
-    cited: Int[Array, "paper reference"],
-    journals: int,
-    aim: Float[np.ndarray, "bin"],
-) -> Int[Array, "paper"]:
-    """A journal for each initial paper, placed with the citations of those before it."""
-    return _place(key, year, cited, journals, aim, known=False)
-
-
-ASSIGNMENTS: dict[str, Assignment] = {"two_phase": two_phase, "online": online, "random": anywhere}
-
-
-def _place(
+def nearest_to_aim(
     key: Key[Array, ""],
     year: Int[Array, "paper"],
     cited: Int[Array, "paper reference"],
@@ -194,6 +170,18 @@ def _place(
     *,
     known: bool,
 ) -> Int[Array, "paper"]:
+    """A journal for each initial paper, so that impact factors come near to those aimed at.
+
+    Args:
+        key: consumed.
+        year: from 0, in order.
+        cited: papers.
+        journals: how many there are.
+        aim: shares of journals wanted by rounded impact factor.
+        known: whether papers are placed when the citations of all are known, or, as printed, with
+            those of the papers before.
+
+    """
     for_place, for_order, for_ties = jax.random.split(key, 3)
     papers, last = len(year), INITIAL_YEARS - 1
     random = jax.random.randint(for_place, (papers,), 0, journals)
@@ -227,6 +215,13 @@ def _place(
     start = _Placed(random, nothing, nothing), jnp.int32(0)
     placed, _ = lax.while_loop(lambda at: in_any_copy(at[1] < count), settle, start)
     return placed.journal
+
+
+ASSIGNMENTS: dict[str, Assignment] = {
+    "two_phase": partial(nearest_to_aim, known=True),
+    "online": partial(nearest_to_aim, known=False),
+    "random": anywhere,
+}
 
 
 class _Placed(NamedTuple):
