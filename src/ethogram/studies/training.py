@@ -67,15 +67,15 @@ def train_case(
         state = eqx.filter_jit(learner.init)(for_init)
         kept |= initial(state) if initial else {}
     else:
-        done, kept = int(found[DONE]), _of(CURVE, found)
-        state = unpack(jax.eval_shape(learner.init, for_init), _of(STATE, found))
+        done, kept = int(found[DONE]), named_so(CURVE, found)
+        state = unpack(jax.eval_shape(learner.init, for_init), named_so(STATE, found))
 
     def after_chunk(done: int, state: Any, metrics: Metrics) -> None:
         for name, values in curves(metrics).items():
             kept[name] = np.concatenate([kept[name], values]) if name in kept else values
         context.progress(done, updates)
         context.checkpoint(
-            lambda: {DONE: np.array(done)} | _named(STATE, pack(state)) | _named(CURVE, kept)
+            lambda: {DONE: np.array(done)} | named(STATE, pack(state)) | named(CURVE, kept)
         )
 
     state, _ = train(
@@ -98,7 +98,7 @@ def trials_in_turn(
     found = context.restore() or {}
     finished: list[Arrays] = []
     while any(name.startswith(f"{FINISHED}{len(finished)}.") for name in found):
-        finished.append(_of(f"{FINISHED}{len(finished)}.", found))
+        finished.append(named_so(f"{FINISHED}{len(finished)}.", found))
     in_hand = {name: array for name, array in found.items() if not name.startswith(FINISHED)}
     for number in range(len(finished), trials):
         finished.append(one(number, _Turn(context, number, trials, finished, in_hand or None)))
@@ -147,17 +147,19 @@ class _Turn(Context):
         def whole() -> Arrays:
             arrays = make()
             for number, kept in enumerate(self._finished):
-                arrays |= _named(f"{FINISHED}{number}.", kept)
+                arrays |= named(f"{FINISHED}{number}.", kept)
             return arrays
 
         self._case.checkpoint(whole)
 
 
-def _named(start: str, arrays: Arrays) -> Arrays:
+def named(start: str, arrays: Arrays) -> Arrays:
+    """Arrays whose names begin with a prefix more."""
     return {f"{start}{name}": array for name, array in arrays.items()}
 
 
-def _of(start: str, arrays: Arrays) -> Arrays:
+def named_so(start: str, arrays: Arrays) -> Arrays:
+    """Those arrays whose names begin with a prefix, under their names without it."""
     return {
         name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)
     }

@@ -16,6 +16,7 @@ from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
+from ethogram.core.scene import RECORDED, grouped
 from ethogram.core.specs import role_specs
 from ethogram.core.wrappers import unwrapped
 from ethogram.learners.base import Metrics
@@ -27,6 +28,8 @@ from ethogram.studies.language.validation import MODES, Watched, watch, watched_
 from ethogram.studies.training import (
     Arrays,
     learning_curve,
+    named,
+    named_so,
     train_case,
     training_points,
     trials_in_turn,
@@ -40,6 +43,7 @@ MULTIPLICATIONS_PER_SECOND = 25e9  # of networks
 PLAY_SECONDS = 15e-6  # per agent and step of the episodes side by side, however small
 LEARN_SECONDS = 4e-4  # per agent and update, however small
 RECORDED_BYTES = 32  # per recorded number, with the copies made on its way to the store
+EPISODE = "episode."  # what names of the states that a scene shows begin with
 RETURNS = ("validation", "noise_free", "discounted", "silenced", "scrambled")
 BUFFER = "replay_buffer.rows"
 
@@ -75,8 +79,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Train and validate all trials of a case.
 
     Returns:
-        `results` (dimensions trial, point, episode, talker, guided, target, word, listener) and
-        `scene`, the last trial's first validation episode.
+        `results` (dimensions trial, point, episode, talker, guided, target, word, listener) and, as
+        `scene`, `scene-2`, ..., the first trials' first validation episodes.
 
     Raises:
         TooLarge: the case would not fit in memory; the message names the size.
@@ -109,12 +113,16 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         except Diverged as error:
             raise Diverged(f"Trial {number}: {error}") from error
         watched = watch(learner, state, for_watching, settings.validation_episodes)
-        return _kept(found["return"], watched, settings)
+        kept = _kept(found["return"], watched, settings)
+        if number < RECORDED:
+            kept |= named(EPISODE, to_arrays((watched.start, watched.states)))
+        return kept
 
     finished = trials_in_turn(settings.trials, context, one)
     assert watched is not None  # the last trial is never in a checkpoint
-    scene = record(watched.start, watched.states)
-    return {"results": _label(finished, settings), "scene": scene.to_dataset()}
+    like = watched.start, watched.states
+    scenes = [record(*from_arrays(like, named_so(EPISODE, kept))) for kept in finished[:RECORDED]]
+    return {"results": _label(finished, settings), **grouped(scenes)}
 
 
 def _earned(learner: MADDPG, returns: Arrays) -> Float[np.ndarray, "update episode"]:
@@ -157,7 +165,8 @@ def _unpack(like: MADDPGState, arrays: Arrays) -> MADDPGState:
 
 def _label(finished: Sequence[Arrays], settings: Settings) -> xr.Dataset:
     condition = condition_of(settings)
-    found = {name: np.stack([kept[name] for kept in finished]) for name in finished[0]}
+    names = (*RETURNS, "training", "meaning", "influence")
+    found = {name: np.stack([kept[name] for kept in finished]) for name in names}
     trial_episode = ("trial", "episode")
     return xr.Dataset(
         {f"{name}_return": (trial_episode, found[name].astype(np.float32)) for name in RETURNS}
