@@ -11,13 +11,22 @@ from jax import Array
 from jaxtyping import Bool, Float, Key
 
 from ethogram.core.settings import Number
-from ethogram.core.world import Role
+from ethogram.core.spaces import Space
+from ethogram.core.world import PerRole
 from ethogram.learners.action_heads import outputs_of_actors
-from ethogram.learners.critic_input import Roles, used_inputs, value_with_action
+from ethogram.learners.critic_input import (
+    Roles,
+    critic_input,
+    encode_actions,
+    encode_observations,
+    used_inputs,
+    value_with_action,
+)
 from ethogram.learners.episodes import role_keys
 from ethogram.learners.losses import critic_loss, deterministic_policy_loss
 from ethogram.learners.networks import MLP, used_features
 from ethogram.learners.optimisation import Moments, descend, no_moments
+from ethogram.learners.replay_buffer import Experience
 from ethogram.learners.returns import td_target
 
 Losses = dict[str, Array]  # by name
@@ -110,6 +119,31 @@ class Minibatch(eqx.Module):
     next_critic_input: Float[Array, "batch input"]  # with what the target actors would do
 
 
+def minibatch(
+    roles: Roles, drawn: Experience, next_action: PerRole, name: str, number: int
+) -> Minibatch:
+    """What one agent learns from.
+
+    Args:
+        roles: of the world.
+        drawn: transitions, as the world gave and took them.
+        next_action: encoded, what the target actors would do after them.
+        name: the agent's role.
+        number: the agent's, within its role.
+
+    """
+    observation = encode_observations(roles, drawn.observation)
+    next_observation = encode_observations(roles, drawn.next_observation)
+    return Minibatch(
+        observation=observation[name][:, number],
+        critic_input=critic_input(observation, encode_actions(roles, drawn.action)),
+        reward=drawn.reward[name][:, number],
+        terminated=drawn.terminated[name][:, number],
+        acting=drawn.acting[name][:, number],
+        next_critic_input=critic_input(next_observation, next_action),
+    )
+
+
 class UpdateRule(NamedTuple):
     """By what an agent's networks move in an update."""
 
@@ -123,7 +157,7 @@ class UpdateRule(NamedTuple):
 def update_agent(
     agent: Agent,
     batch: Minibatch,
-    role: Role,
+    space: Space,
     own: slice,
     choose: Callable[[Array], Array],
     rule: UpdateRule,
@@ -133,7 +167,7 @@ def update_agent(
     Args:
         agent: before.
         batch: what it learns from.
-        role: the agent's.
+        space: of its actions.
         own: where its action stands in the critic's input.
         choose: from the actor's outputs to actions as critics read them, differentiable.
         rule: how far networks move.
@@ -152,9 +186,9 @@ def update_agent(
     critic, critic_moments = descend(agent.critic, gradient, agent.critic_moments, *step)
 
     def loss_of_actor(actor: MLP) -> Float[Array, ""]:
-        outputs = outputs_of_actors(role.action, [actor], batch.observation[:, None])[:, 0]
+        outputs = outputs_of_actors(space, [actor], batch.observation[:, None])[:, 0]
         value = value_with_action(critic, batch.critic_input, own, choose(outputs))
-        used = used_features(role.action)
+        used = used_features(space)
         return deterministic_policy_loss(value, outputs, batch.acting, used, rule.logit_penalty)
 
     actor_lost, gradient = jax.value_and_grad(loss_of_actor)(agent.actor)

@@ -42,6 +42,7 @@ the world says that it is not `acting`, of which nothing is learned.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
@@ -72,23 +73,16 @@ from ethogram.learners.action_heads import (
 from ethogram.learners.actor_critic import (
     Agent,
     Agents,
-    Losses,
-    Minibatch,
     UpdateRule,
     agent_bytes,
+    minibatch,
     new_agents,
     update_agent,
 )
 from ethogram.learners.base import Metrics, Spaces
-from ethogram.learners.critic_input import (
-    critic_input,
-    encode_actions,
-    encode_observations,
-    network_sizes,
-    own_action,
-)
+from ethogram.learners.critic_input import encode_observations, network_sizes, own_action
 from ethogram.learners.episodes import episode_returns, play_episodes, role_keys
-from ethogram.learners.replay_buffer import ReplayBuffer, TransitionLayout
+from ethogram.learners.replay_buffer import Experience, ReplayBuffer, TransitionLayout
 from ethogram.learners.schedules import Linear
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -340,62 +334,28 @@ class MADDPG(Module):
         updates: Int[Array, ""],
     ) -> tuple[Agents, Metrics]:
         """One update of each agent, in order: each sees the targets of those before it."""
-        now = {role: list(ones) for role, ones in agents.items()}
+        now = {name: list(ones) for name, ones in agents.items()}
         losses: dict[str, dict[str, list[Array]]] = {"critic_loss": {}, "actor_loss": {}}
-        for role, for_role in role_keys(self.world.roles, key).items():
-            for i, agent in enumerate(now[role]):
+        roles, temperature, rule = self.world.roles, self._temperature(updates), self._rule(updates)
+        for name, for_role in role_keys(roles, key).items():
+            space = roles[name].action
+            for i, agent in enumerate(now[name]):
                 for_batch, for_actor = jax.random.split(jax.random.fold_in(for_role, i))
-                batch = self._draw(for_batch, replay_buffer, now, (role, i), updates)
-                now[role][i], lost = self._improve(for_actor, agent, (role, i), batch, updates)
-                for name, loss in lost.items():
-                    losses[name].setdefault(role, []).append(loss)
-        return {role: tuple(ones) for role, ones in now.items()}, {
-            name: {role: jnp.stack(each) for role, each in per_role.items()}
-            for name, per_role in losses.items()
+                drawn, next_action = self._draw(for_batch, replay_buffer, now, temperature)
+                batch = minibatch(roles, drawn, next_action, name, i)
+                choose = partial(self._encoded, space, for_actor, temperature=temperature)
+                own = own_action(roles, name, i)
+                now[name][i], lost = update_agent(agent, batch, space, own, choose, rule)
+                for kind, loss in lost.items():
+                    losses[kind].setdefault(name, []).append(loss)
+        return {name: tuple(ones) for name, ones in now.items()}, {
+            kind: {name: jnp.stack(each) for name, each in per_role.items()}
+            for kind, per_role in losses.items()
         }
 
-    def _draw(
-        self,
-        key: Key[Array, ""],
-        replay_buffer: ReplayBuffer,
-        agents: Mapping[str, Sequence[Agent]],
-        learner: tuple[str, int],
-        updates: Int[Array, ""],
-    ) -> Minibatch:
-        """What one agent, by role and number, learns from, with the target actors' actions."""
-        for_rows, for_targets = jax.random.split(key)
-        drawn = self._layout.unpack(replay_buffer.draw(for_rows, self.batch_size))
-        roles, temperature = self.world.roles, self._temperature(updates)
-        observation = encode_observations(roles, drawn.observation)
-        next_observation = encode_observations(roles, drawn.next_observation)
-        target_action = {}
-        for role, for_role in role_keys(roles, for_targets).items():
-            space, actors = roles[role].action, [agent.target_actor for agent in agents[role]]
-            outputs = outputs_of_actors(space, actors, next_observation[role])
-            target_action[role] = self._encoded(space, for_role, outputs, temperature)
-        role, number = learner
-        return Minibatch(
-            observation=observation[role][:, number],
-            critic_input=critic_input(observation, encode_actions(roles, drawn.action)),
-            reward=drawn.reward[role][:, number],
-            terminated=drawn.terminated[role][:, number],
-            acting=drawn.acting[role][:, number],
-            next_critic_input=critic_input(next_observation, target_action),
-        )
-
-    def _improve(
-        self,
-        key: Key[Array, ""],
-        agent: Agent,
-        learner: tuple[str, int],
-        batch: Minibatch,
-        updates: Int[Array, ""],
-    ) -> tuple[Agent, Losses]:
-        """Update one agent, by role and number."""
-        roles, temperature = self.world.roles, self._temperature(updates)
-        role, own = roles[learner[0]], own_action(roles, *learner)
+    def _rule(self, updates: Int[Array, ""]) -> UpdateRule:
         schedule = Linear(self.learning_rate, self.final_learning_rate, self.annealing_updates)
-        rule = UpdateRule(
+        return UpdateRule(
             learning_rate=schedule(updates),
             max_gradient_norm=self.max_gradient_norm,
             discount=self.discount,
@@ -403,10 +363,23 @@ class MADDPG(Module):
             tau=self.tau,
         )
 
-        def choose(outputs: Array) -> Array:
-            return self._encoded(role.action, key, outputs, temperature)
-
-        return update_agent(agent, batch, role, own, choose, rule)
+    def _draw(
+        self,
+        key: Key[Array, ""],
+        replay_buffer: ReplayBuffer,
+        agents: Mapping[str, Sequence[Agent]],
+        temperature: Number,
+    ) -> tuple[Experience, PerRole]:
+        """Transitions from the replay buffer, and what the target actors would do after them."""
+        for_rows, for_targets = jax.random.split(key)
+        drawn = self._layout.unpack(replay_buffer.draw(for_rows, self.batch_size))
+        roles, next_action = self.world.roles, {}
+        next_observation = encode_observations(roles, drawn.next_observation)
+        for name, for_role in role_keys(roles, for_targets).items():
+            space, actors = roles[name].action, [agent.target_actor for agent in agents[name]]
+            outputs = outputs_of_actors(space, actors, next_observation[name])
+            next_action[name] = self._encoded(space, for_role, outputs, temperature)
+        return drawn, next_action
 
 
 def _infinite_if_nan(loss: Float[Array, "agent"]) -> Float[Array, "agent"]:
