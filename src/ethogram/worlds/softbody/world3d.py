@@ -189,7 +189,7 @@ class SoftBody3D(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The first episode: its start, and states evenly spread over it."""
-        episode = first_episode(trajectory)
+        episode = first_episode(self, trajectory)
         used = np.asarray(self.body.used)
         left, reached = (
             Pose(*(np.asarray(part)[..., used] for part in self.pose(state)))
