@@ -64,6 +64,56 @@ def test_a_policy_is_evaluated_over_whole_episodes():
     np.testing.assert_array_equal(returns["agent"], np.full((3, 2), 5.0))  # all but the first step
 
 
+def test_no_episode_is_none_to_evaluate():
+    world = ethogram.make("sharing", agents=2)
+    for episodes in (-1, 0):
+        with pytest.raises(EthogramError, match=rf"evaluate: episodes = {episodes}; .* 1 or more"):
+            ethogram.evaluate(world, lambda key, seen: seen, jax.random.key(0), episodes)
+    with pytest.raises(EthogramError, match=r"evaluate: policy = 3; allowed: a function \(key, ob"):
+        ethogram.evaluate(world, 3, jax.random.key(0))
+    with pytest.raises(EthogramError, match=r"evaluate: key = 3; allowed: jax\.random\.key"):
+        ethogram.evaluate(world, lambda key, seen: seen, 3)
+
+
+WRONG_KINDS = """
+import jax, ethogram
+from ethogram.core.wrappers import GivenPolicies, RolePolicies
+world, key = ethogram.make("language"), jax.random.key(0)
+for attempt in (
+    lambda: GivenPolicies(world, {"mover": 3}),
+    lambda: GivenPolicies(world, ["mover"]),
+    lambda: RolePolicies({"mover": 3}),
+    lambda: ethogram.rollout(world, 3, key, 1),
+    lambda: ethogram.rollout(world, print, 0, 1),
+    lambda: ethogram.rollout(world, print, key, 1.5),
+    lambda: world.scene(3),
+    lambda: ethogram.make("language", delta="far"),
+):
+    try:
+        attempt()
+    except ethogram.EthogramError as error:
+        print(error)
+"""
+
+
+def test_what_is_of_a_wrong_kind_is_refused_with_what_is_allowed():
+    """In a process of its own, in which types are not checked before we do."""
+    done = subprocess.run([sys.executable, "-c", WRONG_KINDS], capture_output=True, check=True)
+    said = done.stdout.decode().splitlines()
+    starts = (
+        "GivenPolicies: of the role 'mover': policy = 3; allowed: a function (key, obs",
+        "GivenPolicies: ['mover']; allowed: policies by role, {role: policy, ...}.",
+        "RolePolicies: of the role 'mover': policy = 3; allowed: a function (key, obs",
+        "rollout: policy = 3; allowed: a function (key, obs",
+        "rollout: key = 0; allowed: jax.random.key(seed)",
+        "rollout: steps = 1.5; allowed: a whole number, 0 or more.",
+        "Language.scene: 3 is no trajectory; allowed: the transitions that rollout(world, ...)",
+        "Language: delta = 'far': Input should be a valid number",
+    )
+    for line, start in zip(said, starts, strict=True):
+        assert line.startswith(start)
+
+
 def test_stored_records_are_read_by_study(tmp_path):
     records = ethogram.load_records(PUBLISHED, "sharing")
     assert len(records) == 24

@@ -10,8 +10,9 @@ import jax
 from jax import Array
 from jaxtyping import Key
 
-from ethogram.core.errors import InvalidSettings
-from ethogram.core.rollout import Policy
+from ethogram.core.errors import InvalidSettings, require_count
+from ethogram.core.keys import require_key
+from ethogram.core.rollout import Policy, require_policy
 from ethogram.core.world import PerRole, World
 from ethogram.learners.episodes import returns_of_policy
 from ethogram.worlds import WORLDS
@@ -54,9 +55,12 @@ def evaluate(world: World, policy: Policy, key: Key[Array, ""], episodes: int = 
         episodes: how many, played side by side, each from its start to its end.
 
     Raises:
-        EthogramError: the policy is no function, or the key no random key.
+        EthogramError: the policy is no function, the key no random key, or there is no episode.
 
     """
+    require_policy("evaluate", policy)
+    require_key("evaluate", key)
+    require_count("evaluate", "episodes", episodes, least=1)
     keys = jax.random.split(key, episodes)
     return eqx.filter_jit(returns_of_policy)(world, policy, keys)
 

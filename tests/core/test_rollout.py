@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from ethogram.core.actions import InvalidAction
+from ethogram.core.errors import EthogramError
 from ethogram.core.rollout import rollout
 from ethogram.core.spaces import Discrete
 from ethogram.core.world import Outcome, Role, World
@@ -78,6 +79,13 @@ def test_a_checked_world_steps_like_the_other_and_stops_at_an_action_out_of_its_
     play(world, jnp.int32(1))  # takes 2 for 1
     with pytest.raises(RuntimeError, match=r"'agent' is out of Discrete\(n=2\)"):
         play(Checked(world), jnp.int32(1))
+
+
+def test_fewer_steps_than_none_are_refused():
+    key = jax.random.key(0)
+    assert rollout(Counter(), obey, key, 0)[1].episode_end.shape == (0,)
+    with pytest.raises(EthogramError, match=r"rollout: steps = -1; allowed: .*, 0 or more"):
+        rollout(Counter(), obey, key, -1)
 
 
 def test_of_a_transition_is_stored_what_is_asked_for_and_what_a_policy_says_beside_its_action():

@@ -55,6 +55,17 @@ def test_building_the_owner_checks_the_same_bounds_and_names_all_that_is_wrong()
         Meadow(growth=-1, season="hot")
 
 
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [("fast", "'fast': .*valid number"), (math.inf, "inf: .*finite"), (math.nan, "nan: .*finite")],
+)
+def test_what_is_no_finite_number_is_refused_by_name(value, shown):
+    with pytest.raises(InvalidSettings, match=rf"Meadow: growth = {shown}"):
+        Meadow(growth=value)
+    with pytest.raises(pydantic.ValidationError, match="growth"):
+        settings_of(Meadow)(growth=value)
+
+
 def test_a_function_stands_in_for_a_name_and_plans_know_the_names_only():
     assert settings_of(Meadow)().rain == Meadow().rain == "sine"
     assert function_of(RAINS, Meadow().rain) is sine

@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ethogram.core.errors import EthogramError
 from ethogram.core.spaces import Box, Discrete, MultiDiscrete, Simplex
 
 PADDED = jnp.array([True, True, False])
@@ -94,6 +95,23 @@ def test_what_is_drawn_from_a_space_is_in_it_and_differs(space):
     assert space.contains(drawn).all()
     assert len(np.unique(drawn.reshape(100, -1), axis=0)) > 1
     assert space.sample(jax.random.key(1)).shape == space.shape
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((1,), 0, 10), r"low = \(1,\); allowed: a number\. The order is Box\(low, high, shape\)"),
+        ((0, (1,), 10), r"high = \(1,\); allowed: a number\. The order is"),
+        ((0, 10, 1), r"shape = 1; allowed: whole numbers in a tuple\. The order is"),
+        ((0, 10, (1.5,)), r"shape = \(1\.5,\); allowed: whole numbers"),
+        ((2, 1, (1,)), "low = 2, high = 1; allowed: low up to high"),
+        ((np.nan, 1, (1,)), "low = nan, high = 1; allowed: low up to high"),
+        ((np.array([0, 2]), 1, (2,)), r"low = \[0 2\], high = 1; allowed: low up to high"),
+    ],
+)
+def test_a_box_says_what_is_wrong_with_its_bounds_and_its_shape(arguments, message):
+    with pytest.raises(EthogramError, match=f"Box: {message}"):
+        Box(*arguments)
 
 
 def test_a_bounded_box_is_filled_from_end_to_end():

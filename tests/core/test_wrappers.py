@@ -1,5 +1,7 @@
 """What each wrapper changes; that it is a world is among the contracts of worlds."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -106,6 +108,32 @@ def test_boxes_without_end_are_refused_by_name(wrapper):
     for refuses in (RescaleAction, DiscretizeAction):
         with pytest.raises(EthogramError, match=rf"{refuses.__name__} needs .*finite.*'hand' is B"):
             refuses(reach)
+
+
+class Flat(Reach):
+    """A hand that sees nothing: all its numbers are 1."""
+
+    @property
+    def roles(self):
+        (hand,) = super().roles.values()
+        return {"hand": dataclasses.replace(hand, observation=Box(1.0, 1.0, (2, 2)))}
+
+
+@pytest.mark.parametrize("wrapper", [RescaleObservation, DiscretizeObservation])
+def test_boxes_without_width_are_refused_by_name(wrapper):
+    with pytest.raises(
+        EthogramError, match=rf"{wrapper.__name__}: low = 1.0, high = 1.0 of 'hand'"
+    ):
+        wrapper(Flat())
+    assert RescaleObservation(Market()).roles  # padding may be
+
+
+@pytest.mark.parametrize(("low", "high"), [(2.0, 1.0), (1.0, 1.0)])
+def test_given_bounds_that_hold_nothing_are_refused(low, high):
+    with pytest.raises(
+        EthogramError, match=f"low = {low}, high = {high} of 'hand'; .* low below h"
+    ):
+        DiscretizeObservation(Reach(), low=low, high=high)
 
 
 def test_bounds_can_be_given_and_too_many_bins_are_refused_with_their_number():

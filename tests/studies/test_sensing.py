@@ -16,7 +16,7 @@ from ethogram.studies import sensing as study
 from ethogram.studies import training
 from ethogram.studies.sensing import compute
 from ethogram.studies.sensing.plan import Settings, condition_of, controller_of, world_of
-from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.simulation import simulate
 
 # one case of the smoke plan, small; in all tests the same shapes, hence few compiled programs
@@ -109,7 +109,7 @@ def test_distances_and_paths_are_those_of_the_stored_genomes(ran):
             world,
             controller,
             jnp.asarray(results.genome.values.T),
-            schedule(program(gravity), settings.world.steps),
+            schedule(gravity, settings.world.steps),
         )
         np.testing.assert_array_equal(results.distance.sel(scenario=name), alone.distance)
     rest = results.path.sel(scenario="flat").isel(sample=0)

@@ -1,5 +1,6 @@
 """What every registered world promises of the scenes that it draws of its rollouts."""
 
+import dataclasses
 import json
 import re
 from functools import cache
@@ -17,6 +18,7 @@ from ethogram.core.rollout import rollout, watch
 from ethogram.core.scene import Scene
 from ethogram.core.spaces import Discrete, Simplex
 from ethogram.worlds import WORLDS
+from ethogram.worlds.language import Language
 from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.learnable import State as Learning
 from ethogram.worlds.publishing.policies import Ranking, Scrutiny
@@ -154,6 +156,17 @@ def test_of_a_batch_one_must_be_taken(shown):
         world.scene(some(trajectory, 0))
     with pytest.raises(EthogramError, match=r"axes are \(0,\)"):
         world.scene(some(trajectory, slice(0)))
+
+
+def test_what_another_world_played_is_refused(shown):
+    world, trajectory, _ = shown
+    name = type(world).__name__
+    for other in (Sharing(agents=7), Language(robots=5)):  # of another number of agents too
+        message = rf"{type(other).__name__}\.scene: .*not those of {type(other).__name__}\("
+        with pytest.raises(EthogramError, match=message):
+            other.scene(trajectory)
+    with pytest.raises(EthogramError, match=rf"{name}\.scene: .*not those of {name}\("):
+        world.scene(dataclasses.replace(trajectory, state=None))  # as where none are kept
 
 
 def test_a_world_that_draws_no_scenes_says_so():

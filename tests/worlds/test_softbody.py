@@ -6,16 +6,18 @@ import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pydantic
 import pytest
 from hypothesis import given
 
 from ethogram.core.errors import EthogramError, InvalidSettings, UnknownName
 from ethogram.core.rollout import watch
 from ethogram.core.scene import Scene
+from ethogram.core.settings import settings_of
 from ethogram.physics.beams3d import Material, centre
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.bodies import MAX_VOXELS, PLANE, cells_of, name_of, text_of
-from ethogram.worlds.softbody.gravity import program, schedule, tilt
+from ethogram.worlds.softbody.gravity import schedule, tilt
 from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 
 # Bodies
@@ -142,9 +144,16 @@ def test_any_function_can_be_a_program():
     assert SoftBody3D(gravity=tilt(lambda moment: 0.1)).gravity is not None
 
 
+def test_plans_know_the_programs_by_name():
+    settings = settings_of(SoftBody3D)
+    assert settings().gravity == SoftBody3D().gravity == "even"
+    with pytest.raises(pydantic.ValidationError, match="'even', 'evolution', 'flat'"):
+        settings(gravity="uphill")
+
+
 def test_what_is_no_program_is_refused():
     with pytest.raises(UnknownName, match="evolution"):
-        program("evolutoin")
+        schedule("evolutoin", 4)
     with pytest.raises(UnknownName, match="uphill"):
         SoftBody3D(gravity="uphill")
     with pytest.raises(InvalidSettings, match="gives 3 numbers"):
@@ -224,7 +233,7 @@ def test_the_material_is_a_sweep_away():
         world = SoftBody3D(body="##", gravity=tilt(lambda moment: 1.0), material=material)
         state, _ = world.reset(jax.random.key(0))
 
-        pull = program(world.gravity)(jnp.float32(0))
+        pull = world.gravity(jnp.float32(0))
 
         def rest(state, _):
             return world.move(state, jnp.full(2, 0.01), pull), None

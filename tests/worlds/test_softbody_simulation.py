@@ -9,7 +9,7 @@ from ethogram.core.rollout import rollout
 from ethogram.physics.beams3d import centre
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.controllers import NonSensing, Sensing, policy
-from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.simulation import SimulationResult, simulate
 
 STEPS, ROBOTS = 40, 5
@@ -27,7 +27,7 @@ def genes():
 
 @pytest.fixture(scope="module")
 def even():
-    return schedule(program("even"), STEPS)
+    return schedule("even", STEPS)
 
 
 class Centre(eqx.Module):
@@ -113,7 +113,7 @@ def test_robots_simulated_one_by_one_go_nearly_as_far(world, genes, even):
 
 def test_each_robot_may_have_a_gravity_of_its_own(world, genes):
     programs = ["flat", "step", "sin", "evolution", "even"]
-    schedules = [schedule(program(name), STEPS) for name in programs]
+    schedules = [schedule(name, STEPS) for name in programs]
     apart = [simulated(world, genes[:, :1], gravity).distance[0] for gravity in schedules]
     same = jnp.tile(genes[:, :1], (1, ROBOTS))
     together = simulated(world, same, jnp.stack(schedules, -1)).distance

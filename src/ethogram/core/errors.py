@@ -5,10 +5,12 @@ exception is a defect of Ethogram and keeps its traceback.
 """
 
 import difflib
+import operator
 import sys
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 LONGEST = 80  # characters of a user's word that a message repeats
 
@@ -34,6 +36,23 @@ class InvalidSettings(EthogramError):
 
 class TooLarge(EthogramError):
     """What was asked for would not fit in memory; the message names the size needed."""
+
+
+def require_count(what: str, name: str, count: Any, least: int = 0) -> None:
+    """Refuse what is no whole number, or too small a one.
+
+    Raises:
+        EthogramError: naming who asks for it, the count and what is allowed.
+
+    """
+    try:
+        enough = operator.index(count) >= least
+    except TypeError:
+        enough = False
+    if not enough:
+        raise EthogramError(
+            f"{what}: {name} = {shown(count)}; allowed: a whole number, {least} or more."
+        )
 
 
 def shown(value: object) -> str:

@@ -16,9 +16,11 @@ from jax import Array, lax
 from jaxtyping import Bool, Key
 
 from ethogram.core.batching import in_any_copy
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, require_count, shown
+from ethogram.core.keys import require_key
 from ethogram.core.memory import require_memory
 from ethogram.core.scene import Scene
+from ethogram.core.specs import state_spec
 from ethogram.core.world import Outcome, PerRole, Transition, World
 
 Policy = Callable[[Key[Array, ""], PerRole], PerRole]  # (key, observation) -> action
@@ -55,7 +57,14 @@ def rollout(
     Returns:
         The position reached, and what was kept of the transitions with a leading axis of `steps`.
 
+    Raises:
+        EthogramError: the policy is no function, the key no random key, or there are fewer than 0
+            steps.
+
     """
+    require_policy("rollout", policy)
+    require_key("rollout", key)
+    require_count("rollout", "steps", steps)
     first, key = jax.random.split(key)
     if start is None:
         start = Position(*world.reset(first))
@@ -84,6 +93,8 @@ def rollout(
 def watch(world: World, policy: Policy, key: Key[Array, ""]) -> Scene:
     """Play one episode and record what it looked like; at the end of a notebook's cell, a replay.
 
+    `watch(world, policy, key).save("episode.html")`, or .gif, .webp, .mp4, writes it to a file.
+
     Args:
         world: one that draws scenes.
         policy: `policy(key, observation) -> action`, per role.
@@ -107,19 +118,48 @@ def _episode(world: World, policy: Policy, key: Key[Array, ""]) -> Transition:
     return transitions
 
 
-def first_episode(trajectory: Transition) -> Transition:
-    """The steps of a trajectory up to and with the first that ended an episode, or else all.
+def require_policy(what: str, policy: Any) -> None:
+    """Refuse what is no policy, of a world or of a role.
 
     Raises:
-        EthogramError: the trajectory is a batch of them or a single step, or has no steps.
+        EthogramError: it is no function.
 
     """
+    if not callable(policy):
+        raise EthogramError(
+            f"{what}: policy = {shown(policy)}; allowed: a function (key, observation) -> action."
+        )
+
+
+def first_episode(world: World, trajectory: Transition) -> Transition:
+    """The steps of a trajectory up to and with the first that ended an episode, or else all.
+
+    Args:
+        world: whose scene is to be drawn.
+        trajectory: transitions with the steps as leading axis.
+
+    Raises:
+        EthogramError: the trajectory is none, or that of another world, a batch of them or a single
+            step, or has no steps.
+
+    """
+    if not isinstance(trajectory, Transition):
+        raise EthogramError(
+            f"{type(world).__name__}.scene: {shown(trajectory)} is no trajectory; allowed: the "
+            "transitions that rollout(world, ...) returns."
+        )
     axes = trajectory.episode_end.shape
     if len(axes) != 1 or not axes[0]:
         raise EthogramError(
             "A scene shows one trajectory, whose arrays have its steps as their first axis; here "
             f"the leading axes are {axes}. Of a batch take one: "
             "jax.tree.map(lambda part: part[0], trajectory)."
+        )
+    found = jax.tree.map(lambda part: part.shape[1:], trajectory.state)
+    if not eqx.tree_equal(found, jax.tree.map(lambda part: part.shape, state_spec(world))):
+        raise EthogramError(
+            f"{type(world).__name__}.scene: the trajectory's states are not those of "
+            f"{shown(world)}; allowed: transitions of the same world."
         )
     ended = np.flatnonzero(trajectory.episode_end)
     steps = int(ended[0]) + 1 if ended.size else axes[0]

@@ -14,8 +14,8 @@ In space positions are in metres, the third axis points upwards and the floor is
 
 All colours are those of the palette.  A scene is stored as a dataset and drawn by the report: on a
 study's page, on a page of its own, and in a notebook, where a scene on the last line of a cell
-shows itself as a replay.  `World.scene` makes one of a rollout, and `ethogram.core.rollout.watch`
-plays an episode to make one.
+shows itself as a replay; `Scene.save` writes a page or a video.  `World.scene` makes one of a
+rollout, and `ethogram.core.rollout.watch` plays an episode to make one.
 """
 
 import dataclasses
@@ -24,6 +24,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import cycle, islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -66,8 +67,10 @@ GRADED_COLOURS = (COLOURS["blue"], COLOURS["silver"], COLOURS["vermilion"])
 GRADED_RANGE = 0.1  # of the size at rest: a larger change does not change a graded colour further
 _HEXADECIMAL = re.compile("#[0-9a-f]{6}")
 # who draws is named here and found when a scene is shown: the core may not import the report
-DRAWINGS: "Registry[Callable[[Scene], str]]" = Registry(
-    "drawing of scenes", "ethogram.drawings", {"notebook": "ethogram.report.notebook:as_html"}
+DRAWINGS: "Registry[Callable[..., Any]]" = Registry(
+    "drawing of scenes",
+    "ethogram.drawings",
+    {"notebook": "ethogram.report.notebook:as_html", "file": "ethogram.report.scene_files:save"},
 )
 
 
@@ -173,7 +176,22 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """A replay: what a notebook shows for a scene on the last line of a cell."""
-        return DRAWINGS["notebook"](self)
+        html: str = DRAWINGS["notebook"](self)
+        return html
+
+    def save(self, file: str | Path) -> None:
+        """Write it as a page that plays it, or as a video, in place of an earlier one.
+
+        Args:
+            file: where to; its name ends in .html, .gif, .webp or .mp4 (which needs
+                `pip install 'ethogram[video]'`).
+
+        Raises:
+            EthogramError: the name ends in something else, the scene has nothing to show, or the
+                file cannot be written, or is a page that is not ours.
+
+        """
+        DRAWINGS["file"](Path(file), self)
 
     @property
     def axes(self) -> int:

@@ -31,7 +31,8 @@ Positive: TypeAlias = Annotated[float, pydantic.Field(gt=0)]
 Count: TypeAlias = Annotated[int, pydantic.Field(ge=1, le=1_000_000)]
 Seed: TypeAlias = Annotated[int, pydantic.Field(ge=0, lt=2**32)]
 
-_STRICT = pydantic.ConfigDict(extra="forbid", strict=True)
+_NUMBERS = pydantic.ConfigDict(strict=True, allow_inf_nan=False)
+_STRICT = pydantic.ConfigDict(extra="forbid", **_NUMBERS)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(pydantic.Field,))
@@ -142,8 +143,11 @@ def of_shape(setting: str, given: Any, shape: tuple[int, ...]) -> Array:
 
 
 def _swept(value: Any) -> Any:
-    """An array; None, where a setting admits it, stays what it is."""
-    return value if value is None else jnp.asarray(value)
+    """An array; what cannot be one stays what it is, and `check_settings` sees to it."""
+    try:
+        return value if value is None else jnp.asarray(value)
+    except (TypeError, ValueError):
+        return value
 
 
 @cache
@@ -165,7 +169,7 @@ def settings_of(owner: type, *, omit: tuple[str, ...] = ()) -> Any:
 def _checks(owner: Any) -> list[tuple[str, "pydantic.TypeAdapter[Any]"]]:
     """The settings that are checked when an owner is built, and what is allowed."""
     return [
-        (field.name, pydantic.TypeAdapter(field.metadata["setting"]))
+        (field.name, pydantic.TypeAdapter(field.metadata["setting"], config=_NUMBERS))
         for field in dataclasses.fields(owner)
         if "setting" in field.metadata and not field.metadata.get("checked by converter")
     ]
@@ -181,9 +185,9 @@ def check_settings(owner: Any) -> None:
                 continue
             value = value.item()
         try:
-            allowed.validate_python(value, strict=True)
+            allowed.validate_python(value)
         except pydantic.ValidationError as error:
             reason = error.errors()[0]["msg"]
-            complaints.append(f"{name} = {value!r}: {reason}")
+            complaints.append(f"{name} = {shown(value)}: {reason}")
     if complaints:
         raise InvalidSettings(f"{type(owner).__name__}: " + "; ".join(complaints))

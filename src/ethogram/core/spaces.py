@@ -8,6 +8,7 @@ gives, for a value of its shape that is not, the one in it that a world takes it
 pass for real ones, real numbers never for whole ones, nor do truth values.
 """
 
+import operator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -17,11 +18,13 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Int, Key
 
-from ethogram.core.errors import EthogramError
+from ethogram.core.errors import EthogramError, shown
 from ethogram.core.settings import Number
 
 LARGEST_INDEX = 2**31 - 1  # arrays are indexed with 32 bits
 ROUNDING = 1e-4  # by how much a sum of 32-bit weights may miss 1
+
+_IN_ORDER = "The order is Box(low, high, shape), as in Box(0.0, 1.0, (3,))."
 
 WHOLE, REAL = np.int32, float  # kinds of number
 
@@ -140,10 +143,22 @@ class Box:
     kind: ClassVar[Any] = REAL
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shape", tuple(self.shape))
+        for name, bound in (("low", self.low), ("high", self.high)):
+            if not isinstance(bound, Array | np.ndarray | np.number | float | int):
+                raise EthogramError(f"Box: {name} = {shown(bound)}; allowed: a number. {_IN_ORDER}")
+        try:
+            object.__setattr__(self, "shape", tuple(map(operator.index, self.shape)))
+        except TypeError as error:
+            raise EthogramError(
+                f"Box: shape = {shown(self.shape)}; allowed: whole numbers in a tuple. {_IN_ORDER}"
+            ) from error
         bounds = self.low, self.high
-        if not any(isinstance(bound, Array) for bound in bounds) and self.low > self.high:
-            raise EthogramError(f"Box: low = {self.low} is above high = {self.high}.")
+        if any(isinstance(bound, Array) for bound in bounds):
+            return
+        if not np.all(np.less_equal(*bounds)):
+            raise EthogramError(
+                f"Box: low = {self.low}, high = {self.high}; allowed: low up to high."
+            )
 
     @property
     def is_bounded(self) -> bool:

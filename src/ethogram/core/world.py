@@ -149,7 +149,8 @@ class World(Module):
             trajectory: the transitions that `rollout` returned, of one world, the steps leading.
 
         Raises:
-            EthogramError: this world draws no scenes, or the trajectory is a batch of them.
+            EthogramError: this world draws no scenes, or the trajectory is that of another world
+                or a batch of them.
 
         """
         del trajectory

@@ -8,6 +8,8 @@ An action is encoded as critics read it (`ethogram.learners.networks.features`):
 or the numbers of a box in a row.
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -17,7 +19,7 @@ from ethogram.core.errors import EthogramError
 from ethogram.core.settings import Number
 from ethogram.core.spaces import Box, Discrete, Simplex, Space
 from ethogram.learners.distributions import gumbel_softmax
-from ethogram.learners.networks import used_features
+from ethogram.learners.networks import MLP, used_features
 
 HEADS = (Discrete, Simplex, Box)
 OUT_OF_REACH = -1e9  # a logit that no noise lifts
@@ -48,6 +50,14 @@ def reachable(
     if isinstance(space, Box):
         return outputs
     return jnp.where(used_features(space), outputs, OUT_OF_REACH)
+
+
+def outputs_of_actors(
+    space: Space, actors: Sequence[MLP], encoded: Float[Array, "*batch agent feature"]
+) -> Float[Array, "*batch agent output"]:
+    """The outputs of a role's actors, each of what its own agent observes."""
+    outputs = jnp.stack([actor(encoded[..., i, :]) for i, actor in enumerate(actors)], -2)
+    return reachable(space, outputs)
 
 
 def encoded_action(

@@ -64,3 +64,25 @@ def own_action(roles: Roles, role: str, agent: int) -> slice:
     )
     width = feature_count(roles[role].action)
     return slice(before + agent * width, before + (agent + 1) * width)
+
+
+def value_with_action(
+    critic: MLP,
+    row: Float[Array, "batch input"],
+    own: slice,
+    action: Float[Array, "batch feature"],
+) -> Float[Array, "batch"]:
+    """What a critic says of `critic_input` in which an agent's action is another.
+
+    The gradient in the action goes through the columns of the own action only: the product of the
+    rest with the first layer's weights does not depend on it.
+
+    Args:
+        critic: with one output.
+        row: the input.
+        own: where the agent's action stands in it (`own_action`).
+        action: encoded, the other one.
+
+    """
+    change = action - row[:, own]
+    return critic.from_first(row @ critic.weights[0] + change @ critic.weights[0][own])[:, 0]

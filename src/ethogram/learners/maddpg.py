@@ -42,15 +42,15 @@ the world says that it is not `acting`, of which nothing is learned.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optax
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key
+from jaxtyping import Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.batching import in_any_copy
@@ -58,37 +58,32 @@ from ethogram.core.errors import InvalidSettings
 from ethogram.core.memory import readable_bytes, require_memory
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
-from ethogram.core.settings import Number, setting
-from ethogram.core.spaces import Box
+from ethogram.core.settings import Count, Fraction, Number, Positive, setting
+from ethogram.core.spaces import Box, Space
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
 from ethogram.learners.action_heads import (
     HEADS,
     decoded_action,
     encoded_action,
-    reachable,
+    outputs_of_actors,
     require_head,
     with_noise,
 )
-from ethogram.learners.actor_critic import Agent, agent_bytes
-from ethogram.learners.base import Metrics, Spaces
-from ethogram.learners.critic_input import (
-    critic_input,
-    encode_actions,
-    encode_observations,
-    network_sizes,
-    own_action,
-    used_inputs,
+from ethogram.learners.actor_critic import (
+    Agent,
+    Agents,
+    UpdateRule,
+    agent_bytes,
+    minibatch,
+    new_agents,
+    update_agent,
 )
+from ethogram.learners.base import Metrics, Spaces
+from ethogram.learners.critic_input import encode_observations, network_sizes, own_action
 from ethogram.learners.episodes import episode_returns, play_episodes, role_keys
-from ethogram.learners.networks import MLP, used_features
-from ethogram.learners.optimisation import descend
-from ethogram.learners.replay_buffer import ReplayBuffer, TransitionLayout
-from ethogram.learners.returns import td_target
+from ethogram.learners.replay_buffer import Experience, ReplayBuffer, TransitionLayout
 from ethogram.learners.schedules import Linear
-
-Positive = Annotated[float, Field(gt=0)]
-Agents = dict[str, tuple[Agent, ...]]  # per role
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -112,18 +107,6 @@ class MADDPGState(eqx.Module):
     agents: Agents
     replay_buffer: ReplayBuffer
     updates: Int[Array, ""]  # of each agent's networks so far
-
-
-class Batch(eqx.Module):
-    """Transitions as the networks read them: per role, Float[batch, agent, feature]."""
-
-    observation: PerRole
-    action: PerRole
-    reward: PerRole  # Float[batch, agent]
-    terminated: PerRole  # Bool[batch, agent]
-    acting: PerRole  # Bool[batch, agent]
-    next_observation: PerRole
-    target_action: PerRole  # of the target actors in the next observation
 
 
 class MADDPG(Module):
@@ -161,17 +144,17 @@ class MADDPG(Module):
     undefined_metrics: ClassVar[frozenset[str]] = frozenset({"critic_loss", "actor_loss"})
 
     world: World
-    discount: Number = setting(0.95, Annotated[float, Field(ge=0, le=1)])
+    discount: Number = setting(0.95, Fraction)
     learning_rate: Number = setting(1e-2, Positive)  # at first
     final_learning_rate: Number = setting(1e-2, Positive)
     temperature: Number = setting(1.0, Positive)  # of the Gumbel-softmax, at first
     final_temperature: Number = setting(1.0, Positive)
     annealing_updates: Number = setting(1.0, Positive)  # from first to final values
-    tau: Number = setting(0.01, Annotated[float, Field(ge=0, le=1)])
+    tau: Number = setting(0.01, Fraction)
     max_gradient_norm: Number = setting(0.5, Positive)  # of an array's gradient
     logit_penalty: Number = setting(1e-3, Annotated[float, Field(ge=0)])  # of the mean square
     exploration_noise: Number = setting(0.1, Annotated[float, Field(ge=0)])  # of boxes, see there
-    batch_size: int = setting(512, Annotated[int, Field(ge=1, le=1_000_000)], static=True)
+    batch_size: int = setting(512, Count, static=True)
     buffer_size: int = setting(1_000_000, Annotated[int, Field(ge=1, le=2**30)], static=True)
     learning_starts: int = setting(12_800, Annotated[int, Field(ge=0)], static=True)  # transitions
     episodes_per_update: int = setting(4, Annotated[int, Field(ge=1, le=100_000)], static=True)
@@ -226,25 +209,8 @@ class MADDPG(Module):
             self.network_bytes + self.replay_bytes,
         )
         replay_buffer = ReplayBuffer.empty(self._layout.row_width, self.buffer_size)
-        return MADDPGState(self.new_agents(key), replay_buffer, jnp.int32(0))
-
-    def new_agents(self, key: Key[Array, ""]) -> Agents:
-        """Agents that have learned nothing, per role."""
-        roles = self.world.roles
-        agents = {}
-        for role, for_role in role_keys(roles, key).items():
-            used = used_features(roles[role].observation), used_features(roles[role].action)
-            agents[role] = tuple(
-                Agent.init(
-                    each,
-                    *used,
-                    used_inputs(roles),
-                    self._hidden,
-                    copy_targets=self.copy_targets,
-                )
-                for each in jax.random.split(for_role, roles[role].agents)
-            )
-        return agents
+        agents = new_agents(key, self.world.roles, self._hidden, copy_targets=self.copy_targets)
+        return MADDPGState(agents, replay_buffer, jnp.int32(0))
 
     def update(self, key: Key[Array, ""], state: MADDPGState) -> tuple[MADDPGState, Metrics]:
         """Play some episodes, then learn, once the replay buffer holds enough transitions.
@@ -292,7 +258,7 @@ class MADDPG(Module):
             for name, for_role in role_keys(roles, key).items():
                 space = roles[name].action
                 drawn = for_role if explore else None
-                encoded = self._encoded(name, drawn, outputs[name], temperature)
+                encoded = self._encoded(space, drawn, outputs[name], temperature)
                 if explore and isinstance(space, Box):
                     encoded = with_noise(space, for_role, encoded, self.exploration_noise)
                 action[name] = decoded_action(space, encoded)
@@ -307,7 +273,9 @@ class MADDPG(Module):
         """
         encoded = encode_observations(self.world.roles, observation)
         return {
-            role: self._outputs(role, [agent.actor for agent in agents], encoded[role])
+            role: outputs_of_actors(
+                self.world.roles[role].action, [agent.actor for agent in agents], encoded[role]
+            )
             for role, agents in state.agents.items()
         }
 
@@ -322,21 +290,10 @@ class MADDPG(Module):
     def _temperature(self, updates: Int[Array, ""]) -> Float[Array, ""]:
         return Linear(self.temperature, self.final_temperature, self.annealing_updates)(updates)
 
-    def _outputs(
-        self, role: str, actors: Sequence[MLP], encoded: Float[Array, "*batch agent feature"]
-    ) -> Float[Array, "*batch agent output"]:
-        """Each actor's outputs."""
-        outputs = jnp.stack([actor(encoded[..., i, :]) for i, actor in enumerate(actors)], -2)
-        return reachable(self.world.roles[role].action, outputs)
-
     def _encoded(
-        self,
-        role: str,
-        key: Key[Array, ""] | None,
-        outputs: Float[Array, "*batch output"],
-        temperature: Number,
-    ) -> Float[Array, "*batch feature"]:
-        space = self.world.roles[role].action
+        self, space: Space, key: Key[Array, ""] | None, outputs: Array, temperature: Number
+    ) -> Array:
+        """Actions as critics read them."""
         return encoded_action(
             space, key, outputs, temperature, straight_through=self.straight_through
         )
@@ -377,98 +334,52 @@ class MADDPG(Module):
         updates: Int[Array, ""],
     ) -> tuple[Agents, Metrics]:
         """One update of each agent, in order: each sees the targets of those before it."""
-        now = {role: list(ones) for role, ones in agents.items()}
+        now = {name: list(ones) for name, ones in agents.items()}
         losses: dict[str, dict[str, list[Array]]] = {"critic_loss": {}, "actor_loss": {}}
-        for role, for_role in role_keys(self.world.roles, key).items():
-            for i, agent in enumerate(now[role]):
+        roles, temperature, rule = self.world.roles, self._temperature(updates), self._rule(updates)
+        for name, for_role in role_keys(roles, key).items():
+            space = roles[name].action
+            for i, agent in enumerate(now[name]):
                 for_batch, for_actor = jax.random.split(jax.random.fold_in(for_role, i))
-                batch = self._draw(for_batch, replay_buffer, now, updates)
-                now[role][i], lost = self._improve(for_actor, agent, role, i, batch, updates)
-                for name, loss in lost.items():
-                    losses[name].setdefault(role, []).append(loss)
-        return {role: tuple(ones) for role, ones in now.items()}, {
-            name: {role: jnp.stack(each) for role, each in per_role.items()}
-            for name, per_role in losses.items()
+                drawn, next_action = self._draw(for_batch, replay_buffer, now, temperature)
+                batch = minibatch(roles, drawn, next_action, name, i)
+                choose = partial(self._encoded, space, for_actor, temperature=temperature)
+                own = own_action(roles, name, i)
+                now[name][i], lost = update_agent(agent, batch, space, own, choose, rule)
+                for kind, loss in lost.items():
+                    losses[kind].setdefault(name, []).append(loss)
+        return {name: tuple(ones) for name, ones in now.items()}, {
+            kind: {name: jnp.stack(each) for name, each in per_role.items()}
+            for kind, per_role in losses.items()
         }
+
+    def _rule(self, updates: Int[Array, ""]) -> UpdateRule:
+        schedule = Linear(self.learning_rate, self.final_learning_rate, self.annealing_updates)
+        return UpdateRule(
+            learning_rate=schedule(updates),
+            max_gradient_norm=self.max_gradient_norm,
+            discount=self.discount,
+            logit_penalty=self.logit_penalty,
+            tau=self.tau,
+        )
 
     def _draw(
         self,
         key: Key[Array, ""],
         replay_buffer: ReplayBuffer,
         agents: Mapping[str, Sequence[Agent]],
-        updates: Int[Array, ""],
-    ) -> Batch:
-        """A minibatch from the replay buffer, with the target actors' actions."""
+        temperature: Number,
+    ) -> tuple[Experience, PerRole]:
+        """Transitions from the replay buffer, and what the target actors would do after them."""
         for_rows, for_targets = jax.random.split(key)
         drawn = self._layout.unpack(replay_buffer.draw(for_rows, self.batch_size))
-        roles, temperature = self.world.roles, self._temperature(updates)
+        roles, next_action = self.world.roles, {}
         next_observation = encode_observations(roles, drawn.next_observation)
-        target_action = {}
-        for role, for_role in role_keys(roles, for_targets).items():
-            actors = [agent.target_actor for agent in agents[role]]
-            outputs = self._outputs(role, actors, next_observation[role])
-            target_action[role] = self._encoded(role, for_role, outputs, temperature)
-        return Batch(
-            observation=encode_observations(roles, drawn.observation),
-            action=encode_actions(roles, drawn.action),
-            reward=drawn.reward,
-            terminated=drawn.terminated,
-            acting=drawn.acting,
-            next_observation=next_observation,
-            target_action=target_action,
-        )
-
-    def _improve(
-        self,
-        key: Key[Array, ""],
-        agent: Agent,
-        role: str,
-        number: int,
-        batch: Batch,
-        updates: Int[Array, ""],
-    ) -> tuple[Agent, dict[str, Float[Array, ""]]]:
-        """Update one agent: critic, then actor, then its targets."""
-        schedule = Linear(self.learning_rate, self.final_learning_rate, self.annealing_updates)
-        step = schedule(updates), self.max_gradient_norm
-        next_input = critic_input(batch.next_observation, batch.target_action)
-        next_value = agent.target_critic(next_input)[:, 0]
-        reward, terminated = batch.reward[role][:, number], batch.terminated[role][:, number]
-        target = td_target(reward, terminated, next_value, self.discount)
-        row = critic_input(batch.observation, batch.action)
-        acting = batch.acting[role][:, number]
-
-        def critic_loss(critic: MLP) -> Float[Array, ""]:
-            return _mean(jnp.square(critic(row)[:, 0] - target), acting)
-
-        critic_lost, gradient = jax.value_and_grad(critic_loss)(agent.critic)
-        critic, critic_moments = descend(agent.critic, gradient, agent.critic_moments, *step)
-
-        own, ours = own_action(self.world.roles, role, number), batch.observation[role][:, [number]]
-        others = row @ critic.weights[0]  # the gradient needs only the part of the own action
-        temperature, used = self._temperature(updates), used_features(self.world.roles[role].action)
-
-        def actor_loss(actor: MLP) -> Float[Array, ""]:
-            outputs = self._outputs(role, [actor], ours)[:, 0]
-            change = self._encoded(role, key, outputs, temperature) - row[:, own]
-            value = critic.from_first(others + change @ critic.weights[0][own])
-            penalty = _mean(jnp.square(outputs), used & acting[:, None])
-            return -_mean(value[:, 0], acting) + self.logit_penalty * penalty
-
-        actor_lost, gradient = jax.value_and_grad(actor_loss)(agent.actor)
-        actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, *step)
-        return Agent(
-            actor=actor,
-            critic=critic,
-            target_actor=optax.incremental_update(actor, agent.target_actor, self.tau),
-            target_critic=optax.incremental_update(critic, agent.target_critic, self.tau),
-            actor_moments=actor_moments,
-            critic_moments=critic_moments,
-        ), {"critic_loss": critic_lost, "actor_loss": actor_lost}
-
-
-def _mean(values: Float[Array, "..."], counted: Bool[Array, "..."]) -> Float[Array, ""]:
-    """The mean of those values that count; 0 if there are none."""
-    return jnp.where(counted, values, 0.0).sum() / jnp.maximum(counted.sum(), 1)
+        for name, for_role in role_keys(roles, for_targets).items():
+            space, actors = roles[name].action, [agent.target_actor for agent in agents[name]]
+            outputs = outputs_of_actors(space, actors, next_observation[name])
+            next_action[name] = self._encoded(space, for_role, outputs, temperature)
+        return drawn, next_action
 
 
 def _infinite_if_nan(loss: Float[Array, "agent"]) -> Float[Array, "agent"]:

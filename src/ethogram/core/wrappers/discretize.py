@@ -39,14 +39,17 @@ class DiscretizeObservation(Wrapper):
         """Refuse a world whose observations cannot be counted.
 
         Raises:
-            EthogramError: a box has a bound that is not finite, and none is given instead.
+            EthogramError: a box has a bound that is not finite, and none is given instead, or its
+                lower bound is not below the upper one.
             TooLarge: there are more observations than 32 bits can number.
 
         """
         for name, role in self.world.roles.items():
             space = role.observation
             if isinstance(space, Box):
-                require_finite(type(self).__name__, name, self._bounded(space), "low and high")
+                bounded = self._bounded(space)
+                require_finite(type(self).__name__, name, bounded, "low and high")
+                require_width(type(self).__name__, name, bounded)
             require_countable(type(self).__name__, name, space, self.bins)
 
     @property
@@ -169,6 +172,25 @@ def require_finite(owner: str, role: str, space: Box, instead: str | None = None
         hint = f" (or give {instead})" if instead else ""
         raise EthogramError(
             f"{owner} needs boxes with finite bounds{hint}; that of {role!r} is {space}."
+        )
+
+
+def require_width(owner: str, role: str, space: Box) -> None:
+    """Refuse a box that is as wide as a point; padding may be, and bounds not known yet, in `jit`.
+
+    Raises:
+        EthogramError: naming role and bounds.
+
+    """
+    bounds = space.low, space.high
+    if any(isinstance(bound, jax.core.Tracer) for bound in bounds):
+        return
+    wide = np.asarray(space.low) < np.asarray(space.high)
+    if space.used is not None and not isinstance(space.used, jax.core.Tracer):
+        wide = wide | ~np.asarray(space.used)
+    if not wide.all():
+        raise EthogramError(
+            f"{owner}: low = {space.low}, high = {space.high} of {role!r}; allowed: low below high."
         )
 
 

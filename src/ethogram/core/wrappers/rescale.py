@@ -9,7 +9,7 @@ from jaxtyping import Array, Key
 from ethogram.core.spaces import Box, Space
 from ethogram.core.world import Outcome, PerRole, Role
 from ethogram.core.wrappers.base import Wrapper
-from ethogram.core.wrappers.discretize import require_finite
+from ethogram.core.wrappers.discretize import require_finite, require_width
 
 
 class RescaleAction(Wrapper):
@@ -43,13 +43,17 @@ class RescaleObservation(Wrapper):
     """A world whose boxes of observations reach from -1 to 1; others are as they are."""
 
     def __check_init__(self) -> None:
-        """Refuse boxes whose bounds are not finite.
+        """Refuse boxes whose bounds are not finite, or the same.
 
         Raises:
             EthogramError: naming role and space.
 
         """
-        _require_finite(self, {name: role.observation for name, role in self.world.roles.items()})
+        spaces = {name: role.observation for name, role in self.world.roles.items()}
+        _require_finite(self, spaces)
+        for name, space in spaces.items():
+            if isinstance(space, Box):
+                require_width(type(self).__name__, name, space)
 
     @property
     def roles(self) -> dict[str, Role]:

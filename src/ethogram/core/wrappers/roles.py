@@ -8,10 +8,10 @@ import equinox as eqx
 from jax import Array
 from jaxtyping import Key
 
-from ethogram.core.errors import EthogramError, UnknownName
+from ethogram.core.errors import EthogramError, UnknownName, shown
 from ethogram.core.keys import branch
 from ethogram.core.module import Module
-from ethogram.core.rollout import Policy
+from ethogram.core.rollout import Policy, require_policy
 from ethogram.core.world import Outcome, PerRole, Role, World
 from ethogram.core.wrappers.base import Wrapper
 
@@ -22,6 +22,15 @@ class RolePolicies(Module):
     """One policy of several roles, made of one policy for each."""
 
     policies: Mapping[str, RolePolicy]
+
+    def __check_init__(self) -> None:
+        """Refuse what is no policy.
+
+        Raises:
+            EthogramError: naming role and value.
+
+        """
+        _require_policies("RolePolicies", self.policies)
 
     def __call__(self, key: Key[Array, ""], observation: PerRole) -> PerRole:
         """Each role acts on what it observes, with a key by its place in the alphabet."""
@@ -40,13 +49,14 @@ class GivenPolicies(Wrapper):
     given: Mapping[str, RolePolicy] = eqx.field(default_factory=dict)
 
     def __check_init__(self) -> None:
-        """Refuse policies of roles that there are not, and a world that nobody is left in.
+        """Refuse what is no policy, or one of no role, and a world that nobody is left in.
 
         Raises:
             UnknownName: a role is none of the world's.
-            EthogramError: no role is left.
+            EthogramError: a policy is no function, or no role is left.
 
         """
+        _require_policies("GivenPolicies", self.given)
         roles = self.world.roles
         for role in self.given:
             if role not in roles:
@@ -95,6 +105,15 @@ class GivenPolicies(Wrapper):
 
     def _of_others(self, values: PerRole) -> PerRole:
         return {role: value for role, value in values.items() if role not in self.given}
+
+
+def _require_policies(owner: str, policies: Any) -> None:
+    if not isinstance(policies, Mapping):
+        raise EthogramError(
+            f"{owner}: {shown(policies)}; allowed: policies by role, {{role: policy, ...}}."
+        )
+    for role, policy in policies.items():
+        require_policy(f"{owner}: of the role {role!r}", policy)
 
 
 def completed(world: World, policy: Policy) -> Policy:

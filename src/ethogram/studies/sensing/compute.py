@@ -32,7 +32,7 @@ from ethogram.studies.training import Arrays, train_case
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.bodies import text_of
 from ethogram.worlds.softbody.controllers import Controller, policy
-from ethogram.worlds.softbody.gravity import program, schedule
+from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 from ethogram.worlds.softbody.simulation import SimulationResult, robots_per_block, simulate
 
@@ -150,9 +150,7 @@ def learner_of(settings: Settings) -> AgeFitness:
     (gravity, *_) = SCENARIOS[settings.surface].values()
     return AgeFitness(
         search_space=controller.search_space,
-        fitness=DistanceFitness(
-            world, controller, schedule(program(gravity), settings.world.steps)
-        ),
+        fitness=DistanceFitness(world, controller, schedule(gravity, settings.world.steps)),
         **dataclasses.asdict(settings.learner),
     )
 
@@ -164,7 +162,7 @@ def _curves(metrics: Metrics) -> Arrays:
 def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> SimulationResult:
     """The best of each trial under each gravity: robots are scenario by scenario, then trials."""
     world, programs = world_of(settings), SCENARIOS[settings.surface].values()
-    schedules = [schedule(program(gravity), settings.world.steps) for gravity in programs]
+    schedules = [schedule(gravity, settings.world.steps) for gravity in programs]
     return eqx.filter_jit(simulate)(
         world,
         controller_of(settings),

@@ -223,7 +223,7 @@ class Language(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The first episode: its start, and the state reached in each step."""
-        episode = first_episode(trajectory)
+        episode = first_episode(self, trajectory)
         return record(jax.tree.map(lambda part: part[0], episode.state), episode.next_state)
 
     def _executed(self, action: PerRole) -> PerRole:

@@ -207,7 +207,7 @@ class Publishing(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The steps of the first episode, two frames each: what is written, what becomes of it."""
-        episode = first_episode(trajectory)
+        episode = first_episode(self, trajectory)
         return record_steps(
             f"{self.authors} authors, {self.journals} journals",
             np.asarray(episode.next_state.quality[0]),

@@ -183,7 +183,7 @@ class Sharing(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The states that the first episode reached, one per step."""
-        episode = first_episode(trajectory)
+        episode = first_episode(self, trajectory)
         reward = np.asarray(episode.outcome.reward["agent"])
         return record(episode.next_state, reward, self.resources, title="Sharing: one episode")
 

@@ -14,7 +14,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from ethogram.core.errors import InvalidSettings, UnknownName
+from ethogram.core.errors import InvalidSettings
+from ethogram.core.settings import function_of
 
 Program = Callable[[Float[Array, ""]], Float[Array, "3"]]
 Sideways = Callable[[Float[Array, ""]], Array | float]  # moment -> g_x, m/s^2
@@ -49,35 +50,17 @@ GRAVITY: dict[str, Program] = {
 }
 
 
-def program(gravity: str | Program) -> Program:
-    """The program of that name, or the function itself.
-
-    Raises:
-        UnknownName: there is no such program; the message names those there are.
-        InvalidSettings: it is neither a name nor a function.
-
-    """
-    if callable(gravity):
-        return gravity
-    if not isinstance(gravity, str):
-        raise InvalidSettings(
-            f"gravity = {gravity!r}; allowed: a function, or one of {', '.join(GRAVITY)}."
-        )
-    if gravity not in GRAVITY:
-        raise UnknownName("gravity program", gravity, GRAVITY)
-    return GRAVITY[gravity]
-
-
 def schedule(gravity: str | Program, steps: int) -> Float[Array, "step 3"]:
     """What a program gives at each step of a simulation.
 
     Raises:
         UnknownName: there is no such program.
-        InvalidSettings: it gives something that is no acceleration: not three numbers, or not
-            finite, as where a tilt is asked for that exceeds gravity.
+        InvalidSettings: it is neither a name nor a function, or gives something that is no
+            acceleration: not three numbers, or not finite, as where a tilt is asked for that
+            exceeds gravity.
 
     """
-    found = jax.vmap(program(gravity))(jnp.arange(steps) / steps)
+    found = jax.vmap(function_of(GRAVITY, gravity))(jnp.arange(steps) / steps)
     if found.shape != (steps, 3):
         raise InvalidSettings(
             f"gravity: a program gives 3 numbers (x, y, z); this one gives {found.shape[1:]}."

@@ -29,7 +29,7 @@ from ethogram.core.clock import phase
 from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.core.rollout import first_episode
 from ethogram.core.scene import Scene
-from ethogram.core.settings import Number, setting
+from ethogram.core.settings import Number, function_of, named, setting
 from ethogram.core.spaces import Box
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.physics.beams3d import (
@@ -45,7 +45,7 @@ from ethogram.physics.beams3d import (
     simulate,
 )
 from ethogram.worlds.softbody.bodies import BODIES, MAX_VOXELS, Body, cells_of, name_of, text_of
-from ethogram.worlds.softbody.gravity import Program, program
+from ethogram.worlds.softbody.gravity import GRAVITY, Program
 from ethogram.worlds.softbody.scene import Pose, episode_frames, scene_of_poses
 from ethogram.worlds.softbody.sensors import (
     CLOCK,
@@ -80,11 +80,6 @@ def lattice_of(body: Body | Lattice) -> Lattice:
     return body if isinstance(body, Lattice) else _lattice(text_of(cells_of(body)))
 
 
-def _known(gravity: str | Program) -> str | Program:
-    program(gravity)
-    return gravity
-
-
 class SoftBody3D(World):
     """A robot of cubic voxels; one role, `robot`, of one agent.
 
@@ -114,7 +109,7 @@ class SoftBody3D(World):
     max_voxels: int | None = setting(
         None, Annotated[int, Field(ge=1, le=MAX_VOXELS)] | None, static=True
     )
-    gravity: str | Program = eqx.field(static=True, default="even", converter=_known)
+    gravity: str | Program = named("even", GRAVITY)
     material: Material = eqx.field(default_factory=Material)
     steps: int = setting(10_000, Annotated[int, Field(ge=1, le=10_000_000)], static=True)
     frequency: Number = setting(40.0, Annotated[float, Field(ge=0)])  # f, Hz, of the clock
@@ -183,7 +178,7 @@ class SoftBody3D(World):
         """Command edges for one step of the physics."""
         del key
         moment = state.steps.astype(float) / self.steps
-        after = self.move(state, action[ROLE][0], program(self.gravity)(moment))
+        after = self.move(state, action[ROLE][0], function_of(GRAVITY, self.gravity)(moment))
         reward = jnp.where(after.diverged, 0.0, self.distance(state, after))
         return after, Outcome(
             observation=self.observe(after),
@@ -194,7 +189,7 @@ class SoftBody3D(World):
 
     def scene(self, trajectory: Transition) -> Scene:
         """The first episode: its start, and states evenly spread over it."""
-        episode = first_episode(trajectory)
+        episode = first_episode(self, trajectory)
         used = np.asarray(self.body.used)
         left, reached = (
             Pose(*(np.asarray(part)[..., used] for part in self.pose(state)))
