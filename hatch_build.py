@@ -1,9 +1,11 @@
 """Native kernels at build time: each `kernels/NAME.cpp` becomes a library per instruction set.
 
 They need a C++ compiler: $CXX, c++, g++ or clang++; else that of the package `ziglang`, which is
-fetched for this one purpose where it is not installed.  Each that does not do gives way to the next.
+fetched for this one purpose where it is not installed.  One that will not do gives way to the next.
 Without any the package is pure Python, and simulations run on JAX.  A library needs the C library
 and no Python, so that one wheel serves every version of Python.
+
+Tried on Linux with x86-64; macOS and other processors should work, and Windows gets no kernels.
 
 `ETHOGRAM_BUILD_KERNEL=none` builds none.  `python hatch_build.py` builds them for the checkout.
 """
@@ -53,7 +55,15 @@ PORTABLE = {"portable": ()}  # on other processors
 
 
 class NoCompiler(Exception):
-    """A compiler cannot be had, or cannot make what is needed; says why in a line."""
+    """A compiler cannot be had, or is of no use here; says why in a line."""
+
+
+class BrokenSource(NoCompiler):
+    """A compiler that works refuses a kernel; `output` is all that it says."""
+
+    def __init__(self, reason: str, output: str) -> None:
+        super().__init__(reason)
+        self.output = output
 
 
 @dataclass(frozen=True)
@@ -99,24 +109,38 @@ class Kernels(BuildHookInterface):  # type: ignore[type-arg]
             shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def build(root: Path, folder: Path, say: Callable[[str], None]) -> bool:
+def build(root: Path, folder: Path, say: Callable[[str], None], *, strict: bool = False) -> bool:
     """Fill a folder with the libraries of all kernels and variants; False where there are none.
 
-    What was in it before is removed.  `say` is told, in one message, why nothing was built.
+    What was in it before is removed, unless it was made of these very sources.
+
+    Args:
+        root: of the sources.
+        folder: for the libraries.
+        say: is told, in one message, why nothing was built.
+        strict: whether `BrokenSource` is an error of the sources, not a reason to go on without.
+
     """
-    sources = {path.name: path for path in sorted((root / "kernels").glob("*.cpp"))}
+    wanted = os.environ.get(VARIABLE, "auto")
+    if wanted not in ("auto", "none"):
+        raise ValueError(f"{VARIABLE} is {wanted!r}; auto and none are allowed.")
+    sources = hashes(root)
+    if wanted == "auto" and _is_made_of(sources, folder):
+        return True
     about: dict[str, Any] = {"compiler": "", "variants": [], "why_none": "", "sources": {}}
     with tempfile.TemporaryDirectory(prefix="ethogram-") as scratch:
         made: list[Path] = []
         try:
-            compiler, made = _compiled(list(sources.values()), Path(scratch))
+            if wanted == "none":
+                raise NoCompiler(f"{VARIABLE}=none was set. Install Ethogram again without it.")
+            compiler, made = _compiled(root / "kernels", Path(scratch), strict)
+        except BrokenSource:
+            raise
         except NoCompiler as reason:
             about["why_none"] = str(reason)
             say(f"No native kernel was built, so soft bodies will run on JAX, slower: {reason}")
         else:
-            about["compiler"] = compiler.name
-            about["variants"] = list(_variants())
-            about["sources"] = hashes(root)
+            about |= {"compiler": compiler.name, "variants": list(_variants()), "sources": sources}
         folder.mkdir(parents=True, exist_ok=True)
         for file in folder.iterdir():
             file.unlink()
@@ -128,69 +152,77 @@ def build(root: Path, folder: Path, say: Callable[[str], None]) -> bool:
 
 def hashes(root: Path) -> dict[str, str]:
     """The sha256 of each file that the libraries are made of."""
-    files = sorted(path for path in (root / "kernels").rglob("*") if path.suffix in (".cpp", ".h"))
+    kernels = (path for path in (root / "kernels").rglob("*") if path.suffix in (".cpp", ".h"))
     return {
         path.relative_to(root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in files
+        for path in sorted([*kernels, root / "hatch_build.py"])
     }
 
 
-def _compiled(sources: list[Path], scratch: Path) -> tuple[Compiler, list[Path]]:
-    """The first compiler that does, and the libraries that it made."""
-    wanted = os.environ.get(VARIABLE, "auto")
-    if wanted == "none":
-        raise NoCompiler(f"{VARIABLE}=none was set. Install Ethogram again without it.")
-    if wanted != "auto":
-        raise ValueError(f"{VARIABLE} is {wanted!r}; auto and none are allowed.")
+def _is_made_of(sources: dict[str, str], folder: Path) -> bool:
+    try:
+        return bool(json.loads((folder / BUILD).read_text())["sources"] == sources)
+    except (OSError, ValueError, LookupError):
+        return False
+
+
+def _compiled(kernels: Path, scratch: Path, strict: bool) -> tuple[Compiler, list[Path]]:
+    """The first compiler that will do, and the libraries that it made."""
     if os.name != "posix":
         raise NoCompiler(f"kernels are not built on {platform.system()} yet.")
-    if not sources:
-        raise NoCompiler("there are no sources in kernels/.")
+    sources = sorted(kernels.glob("*.cpp"))
     reasons = []
     for number, find in enumerate(_compilers()):
         folder = scratch / str(number)
         folder.mkdir()
         try:
             with find() as compiler:
+                _require_fit(compiler, folder)
                 return compiler, _libraries(compiler, sources, folder)
         except NoCompiler as reason:
+            if strict and isinstance(reason, BrokenSource):
+                raise
             reasons.append(str(reason))
     raise NoCompiler(f"{'; '.join(dict.fromkeys(reasons))}. {INSTALL}")
 
 
+def _require_fit(compiler: Compiler, folder: Path) -> None:
+    """Raise `NoCompiler` unless a compiler makes libraries of the newest variant that load here."""
+    source, library = folder / "fit.cpp", folder / "fit.so"
+    source.write_text('extern "C" int fit() { return 0; }\n')
+    _compile(compiler, source, library, next(iter(_variants().values())))
+    try:
+        ctypes.CDLL(str(library))
+    except OSError as error:
+        raise NoCompiler(f"{compiler.name}: what it makes does not load ({error})") from error
+
+
 def _libraries(compiler: Compiler, sources: list[Path], folder: Path) -> list[Path]:
-    """Every kernel in every variant, compiled side by side; none that does not load here."""
+    """Every kernel in every variant, compiled side by side."""
     tasks = [
         (source, folder / f"{source.stem}_{variant}.so", flags)
         for source in sources
         for variant, flags in _variants().items()
     ]
-    environment = os.environ | {f"ZIG_{kind}_CACHE_DIR": str(folder / "cache") for kind in ZIGS}
 
-    def compile_one(task: tuple[Path, Path, tuple[str, ...]]) -> Path:
-        source, library, flags = task
-        _run(
-            compiler.name,
-            [
-                *(*compiler.command, *FLAGS, *compiler.flags(flags)),
-                *("-I", str(source.parent), "-I", str(source.parent / "vendored")),
-                *(str(source), "-o", str(library)),
-            ],
-            environment,
-        )
-        return library
+    def library(task: tuple[Path, Path, tuple[str, ...]]) -> Path:
+        try:
+            _compile(compiler, *task)
+        except NoCompiler as error:
+            output = getattr(error.__cause__, "stderr", "")
+            raise BrokenSource(str(error), output) from error
+        return task[1]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = list(pool.map(compile_one, tasks))
-    try:
-        for library in made:
-            ctypes.CDLL(str(library))
-    except OSError as error:
-        raise NoCompiler(f"{compiler.name}: what it makes does not load ({error})") from error
-    return made
+        return list(pool.map(library, tasks))
 
 
-ZIGS = ("GLOBAL", "LOCAL")  # its caches, which are not to be left in anybody's home
+def _compile(compiler: Compiler, source: Path, library: Path, variant: tuple[str, ...]) -> None:
+    cache = str(library.parent / "cache")  # zig's, which is not to stay in anybody's home
+    environment = os.environ | {"ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
+    headers = ("-I", str(source.parent), "-I", str(source.parent / "vendored"))
+    flags = (*FLAGS, *compiler.flags(variant), *headers)
+    _run(compiler.name, [*compiler.command, *flags, str(source), "-o", str(library)], environment)
 
 
 def _compilers() -> Iterator[Callable[[], Any]]:
@@ -260,16 +292,15 @@ def _zig_target() -> list[str]:
 def _run(name: str, command: list[str], environment: dict[str, str] | None = None) -> str:
     """What a command prints, or `NoCompiler` with the line that says what went wrong."""
     try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, errors="replace", check=False
-        )
+        return subprocess.run(
+            command, env=environment, capture_output=True, text=True, errors="replace", check=True
+        ).stdout
     except OSError as error:
         raise NoCompiler(f"{name}: {error.strerror}") from error
-    if done.returncode:
-        lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    except subprocess.CalledProcessError as error:
+        lines = [line.strip() for line in error.stderr.splitlines() if line.strip()]
         telling = [line for line in lines if "error" in line.lower()] or lines[-1:]
-        raise NoCompiler(f"{name}: {telling[0][:200] if telling else 'it fails'}")
-    return done.stdout
+        raise NoCompiler(f"{name}: {telling[0][:200] if telling else 'it fails'}") from error
 
 
 def _variants() -> dict[str, tuple[str, ...]]:
@@ -285,4 +316,7 @@ def _platform_tag() -> str:
 
 if __name__ == "__main__":
     checkout = Path(__file__).parent
-    sys.exit(not build(checkout, checkout / "src" / LIBRARIES, print))
+    try:
+        build(checkout, checkout / "src" / LIBRARIES, print, strict=True)
+    except BrokenSource as error:
+        sys.exit(error.output)

@@ -26,7 +26,7 @@ def test_help_loads_nothing_slow_and_the_program_nothing_before_it_listens_to_si
     script = (
         "import sys; import ethogram.__main__; print({'cyclopts', 'rich'} & set(sys.modules));"
         "from ethogram.cli import main; main(['--help']); main(['run', '--help']);"
-        "print({'jax', 'xarray', 'matplotlib', 'numpy', 'pydantic'} & set(sys.modules))"
+        "print({'jax', 'xarray', 'matplotlib', 'numpy', 'pydantic', 'ctypes'} & set(sys.modules))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True

@@ -1,10 +1,10 @@
 """Native kernels: libraries compiled from `kernels/`, one of them chosen for the processor at hand.
 
-A library `_native/KERNEL_VARIANT.so` holds the functions `ethogram_KERNEL_TYPE` of one kernel, as XLA
-calls them; `hatch_build.py` makes it, for each instruction set.  Where none was built or none can be
+A library `_native/KERNEL_VARIANT.so` holds the functions `ethogram_KERNEL_TYPE` of one kernel, as
+XLA calls them; `hatch_build.py` makes it, for each instruction set.  Where none was built or can be
 used, the physics runs on JAX.  The environment variable `ETHOGRAM_KERNEL` chooses: `auto` (the
-fastest), `none` (JAX), or a variant by name, which then must be there.  Nothing is loaded before it is
-asked for.
+fastest), `none` (JAX), or a variant by name, which then must be there.  Nothing is loaded before it
+is asked for.
 """
 
 import ctypes
@@ -32,7 +32,7 @@ class Build:
 
     compiler: str = ""
     variants: tuple[str, ...] = ()
-    why_none: str = "this copy of Ethogram was never installed"
+    why_none: str = "nothing was built for this copy of Ethogram."
     sources: dict[str, str] = field(default_factory=dict)  # sha256 by file
 
     @property
@@ -56,7 +56,7 @@ def variant(choice: str = AUTO) -> str | None:
         EthogramError: the variant is not built, or this processor or system cannot run it.
 
     """
-    wanted = os.environ.get(VARIABLE) or AUTO if choice == AUTO else choice
+    wanted = _wanted() if choice == AUTO else choice
     if wanted not in (AUTO, NONE, *FLAGS):
         raise UnknownName(f"kernel ({VARIABLE})", wanted, (AUTO, NONE, *FLAGS))
     if wanted == NONE:
@@ -96,8 +96,8 @@ def target(symbol: str, choice: str = AUTO) -> str | None:
     return None if found is None else _registered(FOLDER, symbol, found)
 
 
-def way(kernel: str) -> str:
-    """How the work of a kernel is done in this process, for a record: by a variant or by JAX."""
+def implementation(kernel: str) -> str:
+    """What does the work of a kernel in this process, for a record: a variant, or JAX."""
     import jax
 
     found = variant() if jax.default_backend() == "cpu" else None
@@ -107,6 +107,11 @@ def way(kernel: str) -> str:
 def build() -> Build:
     """What was built when Ethogram was installed."""
     return _build(FOLDER)
+
+
+def is_turned_off() -> bool:
+    """Whether the environment variable asks for JAX."""
+    return _wanted() == NONE
 
 
 def usable(built: Build) -> tuple[str, ...]:
@@ -120,19 +125,21 @@ def processor_flags() -> frozenset[str]:
     return _flags(_CPUINFO)
 
 
+def _wanted() -> str:
+    return os.environ.get(VARIABLE) or AUTO
+
+
 @cache
 def _fastest(folder: Path) -> str | None:
-    """The fastest variant that can be loaded; says once why another one is in use than should be."""
-    for name in usable(_build(folder)):
-        trouble = _trouble(folder, name)
-        if not trouble:
-            return name
+    """The fastest variant that the processor runs; None, with a warning, if it cannot be loaded."""
+    found = next(iter(usable(_build(folder))), None)
+    if found is not None and (trouble := _trouble(folder, found)):
         warnings.warn(
-            f"The kernel {name!r} cannot be loaded ({trouble}); the physics runs on JAX, slower.",
+            f"The kernel {found!r} cannot be loaded ({trouble}); the physics runs on JAX, slower.",
             stacklevel=3,
         )
-        break
-    return None
+        return None
+    return found
 
 
 def _trouble(folder: Path, variant: str) -> str:
@@ -162,7 +169,8 @@ def _registered(folder: Path, symbol: str, variant: str) -> str:
     kernel = symbol.split("_")[1]
     function = getattr(_loaded(_library(folder, kernel, variant)), symbol)
     name = f"{symbol}_{variant.replace('-', '_')}"
-    jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(function), platform="cpu")
+    capsule = jax.ffi.pycapsule(function)  # type: ignore[no-untyped-call]
+    jax.ffi.register_ffi_target(name, capsule, platform="cpu")
     return name
 
 
