@@ -66,6 +66,14 @@ def test_settings_are_taken_in_one_go_or_one_by_one(ethogram):
     assert planned["overrides"] == ["letter=a,b", "chunks=1", "seed=3"]
 
 
+def test_a_kernel_that_cannot_be_had_is_refused_before_any_case_fails_of_it(ethogram, monkeypatch):
+    monkeypatch.setenv("ETHOGRAM_KERNEL", "fastest")
+    code, out, said = ethogram(*RUN)
+    assert (code, out) == (2, "")
+    assert "kernel (ETHOGRAM_KERNEL) 'fastest'" in said
+    assert not Path("results").exists()
+
+
 def test_a_dry_run_lists_cases_time_and_memory_and_writes_nothing(ethogram):
     code, out, _ = ethogram(*RUN, "--dry-run", "--set", "letter=a,b")
     assert code == 0

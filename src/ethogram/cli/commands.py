@@ -400,7 +400,9 @@ def _carried_out(
 ) -> "Summary":
     from ethogram.campaign.display import Display
     from ethogram.campaign.launch import launch
+    from ethogram.physics import native
 
+    native.variant()  # what cannot be had is refused here, not by every case
     try:
         with Display(Console(stderr=True)) as display:
             return launch(study, plan, out, engine=engine, monitor=display, **options)
