@@ -81,7 +81,12 @@ class Compiler:
             unneeded = ["-Wl,--as-needed"] if sys.platform == "linux" else []
             return [*variant, *unneeded]
         spelled = [flag.replace("-march=x86-64", "-mcpu=x86_64") for flag in variant]
-        return ["-nostdlib++", *_zig_target(), *(flag.replace("64-v", "64_v") for flag in spelled)]
+        return [
+            "-nostdlib++",
+            "-s",
+            *_zig_target(),
+            *(flag.replace("64-v", "64_v") for flag in spelled),
+        ]
 
 
 class Kernels(BuildHookInterface):  # type: ignore[type-arg]
