@@ -8,25 +8,28 @@ JOBS ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
 DOCS_READY := .venv/.docs-ready
+KERNELS := src/ethogram/physics/_native/build.json
 REQUIREMENTS := pyproject.toml constraints.txt src/ethogram/__init__.py
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help venv reproduce test test-slow check format docs bench constraints
+.PHONY: help venv kernels reproduce test test-slow check format docs bench constraints
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14
 
 venv: $(READY)  ## make the environment in .venv
 
-reproduce: $(READY)  ## run every study's quick plan, then write the report: results/index.html
+kernels: $(KERNELS)  ## compile the native kernels, where their sources have changed
+
+reproduce: $(KERNELS)  ## run every study's quick plan, then write the report: results/index.html
 	$(BIN)/ethogram reproduce --plan quick --out $(OUT)
 
-test: $(READY)  ## run the tests that take seconds
+test: $(KERNELS)  ## run the tests that take seconds
 	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
-test-slow: $(READY)  ## run the tests that take minutes
+test-slow: $(KERNELS)  ## run the tests that take minutes
 	$(BIN)/pytest -m slow
 
 check: $(READY)  ## check format, lint, types and import layers
@@ -42,7 +45,7 @@ format: $(READY)  ## format the code and mend what lint can mend
 docs: $(DOCS_READY)  ## build the site: docs/_build/html/index.html
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs docs/_build/html
 
-bench: $(READY)  ## measure speed and memory, beside the peers where there are any
+bench: $(KERNELS)  ## measure speed and memory, beside the peers where there are any
 	$(INSTALL) --editable '.[dev,bench]'
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 
@@ -52,6 +55,10 @@ constraints: $(READY)  ## choose the newest allowed version of every dependency
 
 $(READY): $(REQUIREMENTS) | $(BIN)/python
 	$(INSTALL) --editable '.[dev]'
+	@touch $@
+
+$(KERNELS): hatch_build.py $(shell find kernels -type f) | $(READY)
+	$(BIN)/python hatch_build.py
 	@touch $@
 
 $(DOCS_READY): $(REQUIREMENTS) | $(READY)

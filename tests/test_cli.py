@@ -26,7 +26,7 @@ def test_help_loads_nothing_slow_and_the_program_nothing_before_it_listens_to_si
     script = (
         "import sys; import ethogram.__main__; print({'cyclopts', 'rich'} & set(sys.modules));"
         "from ethogram.cli import main; main(['--help']); main(['run', '--help']);"
-        "print({'jax', 'xarray', 'matplotlib', 'numpy', 'pydantic'} & set(sys.modules))"
+        "print({'jax', 'xarray', 'matplotlib', 'numpy', 'pydantic', 'ctypes'} & set(sys.modules))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
@@ -64,6 +64,14 @@ def test_settings_are_taken_in_one_go_or_one_by_one(ethogram):
     assert (code, out) == (0, "2 of 2 cases are stored in results.\n")
     planned = json.loads(Path("results/toy/plan.json").read_text())["content"]
     assert planned["overrides"] == ["letter=a,b", "chunks=1", "seed=3"]
+
+
+def test_a_kernel_that_cannot_be_had_is_refused_before_any_case_fails_of_it(ethogram, monkeypatch):
+    monkeypatch.setenv("ETHOGRAM_KERNEL", "fastest")
+    code, out, said = ethogram(*RUN)
+    assert (code, out) == (2, "")
+    assert "kernel (ETHOGRAM_KERNEL) 'fastest'" in said
+    assert not Path("results").exists()
 
 
 def test_a_dry_run_lists_cases_time_and_memory_and_writes_nothing(ethogram):

@@ -1,8 +1,10 @@
 """Every smoke plan runs with the oldest and the newest dependencies that are allowed.
 
-Each in an environment of its own, under each Python that is found; others are skipped by name.
+One wheel, with kernels, is installed into environments under each Python that is found; others are
+skipped by name.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -28,10 +30,18 @@ def python_of(version):
     return None
 
 
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dist")
+    subprocess.run([UV, "build", "--quiet", "--wheel", "--out-dir", folder, ROOT], check=True)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("resolution", ["lowest-direct", "highest"])
 @pytest.mark.parametrize("version", PYTHONS)
-def test_every_smoke_plan_runs_with(version, resolution, tmp_path):
+def test_every_smoke_plan_runs_with(version, resolution, wheel, tmp_path):
     python = python_of(version)
     if python is None:
         pytest.skip(f"there is no Python {version} here")
@@ -40,10 +50,12 @@ def test_every_smoke_plan_runs_with(version, resolution, tmp_path):
     install = [UV, "pip", "install", "--python", programs / "python", "--resolution", resolution]
     for command in (
         [UV, "venv", "--python", python, environment],
-        [*install, ROOT],
+        [*install, wheel],
         [programs / "ethogram", "reproduce", "--plan", "smoke", "--out", "results"],
+        [programs / "ethogram", "doctor", "--json"],
     ):
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
+        assert "Traceback" not in done.stderr
+    assert json.loads(done.stdout)["kernels"]["in_use"] is not None
     assert (tmp_path / "results" / "index.html").is_file()

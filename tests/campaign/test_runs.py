@@ -27,7 +27,7 @@ from ethogram.campaign import context
 from ethogram.campaign.context import Context
 from ethogram.campaign.engines import ATTEMPTS, engine_named, inline, pool
 from ethogram.campaign.launch import Summary, crew_size, launch, survey
-from ethogram.campaign.results import digest
+from ethogram.campaign.results import collect, digest
 from ethogram.campaign.run import Job, run_case
 from ethogram.campaign.store import Store
 from ethogram.campaign.threads import one_thread
@@ -201,6 +201,57 @@ def test_a_killed_case_goes_on_from_its_checkpoint(expected, tmp_path, monkeypat
     run_toy(tmp_path)
     assert seen[:4] == [1, 2, 2, 3]
     assert digest(tmp_path) == expected
+
+
+@pytest.mark.parametrize(
+    ("kernel", "chunks"),
+    [("x86-64-v3", [2, 3]), ("x86-64", [1, 2, 3]), ("jax", [1, 2, 3])],
+    ids=["equal bits", "other bits", "no kernel"],
+)
+def test_a_case_goes_on_only_from_a_checkpoint_of_the_same_bits(
+    kernel, chunks, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(context, "CHECKPOINT_SECONDS", 0.0)
+    now, seen = ["x86-64-v4"], []
+
+    class KernelContext(Context):
+        """One of a case behind whose numbers a kernel stands, and which fails with the first."""
+
+        def restore(self):
+            self.use_kernels({"beams3d": now[0]})
+            return super().restore()
+
+        def progress(self, done, total):
+            del total
+            seen.append(done)
+            if seen == [1, 2]:
+                raise ValueError("broke in its second chunk")
+
+    monkeypatch.setattr("ethogram.campaign.run.Context", KernelContext)
+    run_toy(tmp_path, plan="single")
+    now[0], recorder = kernel, Recorder()
+    run_toy(tmp_path, plan="single", retry_failed=True, monitor=recorder)
+    assert seen == [1, 2, *chunks]
+    assert len(recorder.notes) == (chunks[0] == 1)
+    store = Store(tmp_path / "toy")
+    (case_id,) = store.case_ids()
+    assert store.manifest(case_id).kernels == {"beams3d": kernel}
+
+
+def test_records_of_a_run_name_all_that_did_the_work_of_a_kernel(tmp_path):
+    run_toy(tmp_path)
+    store = Store(tmp_path / "toy")
+    assert not [name for name in collect(store).versions if name.startswith("kernel")]
+    record, manifest = store.load(store.case_ids()[0])
+    store.save(
+        manifest.case,
+        record,
+        started="now",
+        seconds=1.0,
+        kernels={"beams3d": "x86-64-v4"},
+        replace=True,
+    )
+    assert collect(store).versions["kernel beams3d"] == "jax, x86-64-v4"  # jax: of all before
 
 
 def test_a_case_that_failed_is_tried_again_from_its_checkpoint(expected, tmp_path, monkeypatch):

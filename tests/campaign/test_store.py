@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as npst
 from tests.campaign import toy
 from tests.campaign.processes import Recorder, run_toy
 
-from ethogram.campaign import files
+from ethogram.campaign import files, manifests
 from ethogram.campaign.arrays import pack, unpack
 from ethogram.campaign.checkpoints import Checkpoints
 from ethogram.campaign.manifests import Damaged, Failure, seal, unseal
@@ -103,6 +103,24 @@ def test_a_record_comes_back_with_its_provenance(store):
     assert only(store.folder, "arrays/*").stem == manifest.arrays
     data = only(store.folder, "arrays/*").read_bytes()
     assert hashlib.sha256(data).hexdigest() == manifest.arrays
+
+
+def test_a_record_says_what_did_the_work_of_kernels_and_its_identity_does_not(store):
+    _, before = store.load(CASE.id)
+    assert before.kernels == {}
+    record, kernels = toy.run(CASE, toy.Context()), {"beams3d": "x86-64-v4"}
+    store.save(CASE, record, started="now", seconds=1.0, kernels=kernels, replace=True)
+    _, manifest = store.load(CASE.id)
+    assert manifest.kernels == kernels
+    assert manifest.identity == before.identity  # the bits of the data tell
+
+
+def test_a_record_from_before_there_were_kernels_is_read(store):
+    path = only(store.folder, "manifests/*")
+    body = json.loads(path.read_bytes())
+    del body["content"]["kernels"], body["seal"]
+    path.write_bytes(manifests._sealed(body))
+    assert store.load(CASE.id)[1].kernels == {}
 
 
 @pytest.mark.parametrize("pattern", ["arrays/*", "manifests/*"])
@@ -274,6 +292,19 @@ class TestCheckpoints:
         found, notes = checkpoints.restore()
         assert found is None
         assert path.name in notes[0]
+
+    def test_one_of_other_arithmetic_is_left_and_named(self, checkpoints, tmp_path):
+        fused, portable = {"beams3d": "fused multiply-add"}, {"beams3d": "portable"}
+        checkpoints.save({"done": np.array(1)}, fused)
+        assert checkpoints.restore(fused)[0]["done"] == 1
+        for other, name in ((portable, "the kernel beams3d (portable)"), ({}, "JAX")):
+            found, (note,) = checkpoints.restore(other)
+            assert found is None
+            assert f"{only(tmp_path, '*')} was computed by the kernel beams3d (fused" in note
+            assert f"this run is by {name}, which gives other bits" in note
+        checkpoints.save({"done": np.array(2)})
+        _, (note,) = checkpoints.restore(fused)
+        assert "was computed by JAX, and this run is by the kernel" in note
 
     def test_it_is_gone_once_cleared(self, checkpoints, tmp_path):
         checkpoints.save({"done": np.array(1)})

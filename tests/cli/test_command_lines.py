@@ -8,7 +8,18 @@ import pytest
 
 from ethogram.cli import main
 
-COMMANDS = ["list", "run", "report", "replay", "claims", "compare", "digest", "reproduce", "new"]
+COMMANDS = [
+    "list",
+    "run",
+    "report",
+    "replay",
+    "claims",
+    "compare",
+    "digest",
+    "reproduce",
+    "new",
+    "doctor",
+]
 NUMBERS = ["0", "1", "2", "-1", "1.5", "1e999", "NaN", "9" * 400, "٣", "0x10", "", "two"]
 ODD = [
     *(
@@ -76,6 +87,7 @@ TAKEN = {  # arguments, and the options that a command knows
     "compare": ([PATHS, PATHS], ["--out", "--json", "--no-show"]),
     "digest": ([PATHS], []),
     "reproduce": ([], ["--plan", "--out", "--workers", "--retry-failed"]),
+    "doctor": ([], ["--json"]),
     "new": ([KINDS, ["meadow", *PATHS]], []),
 }
 

@@ -15,3 +15,14 @@ class Remembering(Context):
 
     def checkpoint(self, make):
         self.saved.append({name: array.copy() for name, array in make().items()})
+
+
+class Halted(Exception):
+    """A run came to where it would go on from a checkpoint."""
+
+
+class Halting(Context):
+    """A context with which a run halts there: what it has said by then counts."""
+
+    def restore(self):
+        raise Halted

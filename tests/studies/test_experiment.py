@@ -3,15 +3,35 @@
 import numpy as np
 import pytest
 import xarray as xr
+from tests.studies.contexts import Halted, Halting
 
 from ethogram.core.errors import InvalidSettings
 from ethogram.learners.qlearning import QLearning
+from ethogram.physics import native
 from ethogram.studies.experiment import Experiment
 from ethogram.studies.statistics import ClaimSpec, judge
 from ethogram.worlds.sharing import Sharing
 
 EXPERIMENT = Experiment("crowd", "1", Sharing, QLearning, "world.agents", {"few": 2, "many": 8})
 PLANS = EXPERIMENT.plans(smoke={"updates": 3, "trials": 5})
+
+
+class Lifted(Sharing):
+    """A world behind whose steps a kernel stands."""
+
+    @property
+    def kernels(self):
+        return ("beams3d",)
+
+
+def test_a_record_names_what_did_the_work_of_a_worlds_kernels(monkeypatch):
+    monkeypatch.setattr(native, "implementation", lambda kernel: f"{kernel} by hand")
+    experiment = Experiment("lifted", "1", Lifted, QLearning, "world.agents", {"few": 2})
+    (case,) = experiment.cases(experiment.plans(smoke={"updates": 3, "trials": 5})["smoke"])
+    context = Halting()
+    with pytest.raises(Halted):
+        experiment.run(case, context)
+    assert context.kernels == {"beams3d": "beams3d by hand"}
 
 
 def records(**returns):

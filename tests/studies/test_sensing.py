@@ -6,12 +6,13 @@ import hypothesis.strategies as st
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.studies.contexts import Remembering
+from tests.studies.contexts import Halted, Halting, Remembering
 from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.scene import Scene
+from ethogram.physics import native
 from ethogram.studies import sensing as study
 from ethogram.studies import training
 from ethogram.studies.sensing import compute
@@ -61,6 +62,15 @@ def test_the_thesis_plan_is_section_5_4():
         assert (learner.mutation_scale, chosen.world.frequency) == (1.0, 40.0)
         evaluations = learner.population_size + chosen.generations * (learner.population_size + 1)
     assert evaluations == 6230
+
+
+def test_a_record_names_what_did_the_work_of_the_physics(monkeypatch):
+    monkeypatch.setattr(native, "implementation", lambda kernel: f"{kernel} by hand")
+    (case,) = cases("smoke", *ONE)
+    context = Halting()
+    with pytest.raises(Halted):
+        study.run(case, context)
+    assert context.kernels == {"beams3d": "beams3d by hand"}
 
 
 def test_a_record_holds_what_the_pages_need(ran):

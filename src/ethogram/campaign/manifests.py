@@ -52,6 +52,7 @@ class Manifest:
     seconds: Seconds
     versions: Mapping[Line, Line] = field(default_factory=versions)
     machine: Line = field(default_factory=machine)
+    kernels: Mapping[Line, Line] = field(default_factory=dict)  # and what did the work of each
 
     @property
     def identity(self) -> str:

@@ -12,6 +12,7 @@ from ethogram.campaign.manifests import Damaged, Manifest, PlannedRun, Unusable,
 from ethogram.campaign.settings_json import canonical
 from ethogram.campaign.store import MANIFESTS, PLAN, Store
 from ethogram.core.errors import EthogramError, shown
+from ethogram.core.kernels import JAX
 
 RUN_AGAIN = "Run the plan again: what is stored is taken up as it is."
 _DAMAGED_AGAIN = (
@@ -60,12 +61,16 @@ class Collected:
 
     @property
     def versions(self) -> dict[str, str]:
-        """Versions of the packages, all of them where records were computed by several."""
+        """Versions of packages and kernels, all of them where records were computed by several."""
         found: dict[str, set[str]] = {}
         for manifest in self.manifests:
             plugin = [tuple(manifest.case.package.rsplit(" ", 1))] if manifest.case.package else []
             for package, version in (*manifest.versions.items(), *plugin):
                 found.setdefault(package, set()).add(version)
+        for kernel in {name for manifest in self.manifests for name in manifest.kernels}:
+            found[f"kernel {kernel}"] = {
+                manifest.kernels.get(kernel, JAX) for manifest in self.manifests
+            }
         return {package: ", ".join(sorted(versions)) for package, versions in found.items()}
 
 

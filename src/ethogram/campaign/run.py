@@ -113,7 +113,14 @@ def _compute(job: Job, case: Case, report: Callable[[float], None]) -> list[str]
     try:
         record = job.study.run(case, context)
         seconds = time.monotonic() - clock
-        store.save(case, record, started=started, seconds=seconds, replace=job.force)
+        store.save(
+            case,
+            record,
+            started=started,
+            seconds=seconds,
+            kernels=context.kernels,
+            replace=job.force,
+        )
         checkpoints.clear()
     except StorageError:
         raise

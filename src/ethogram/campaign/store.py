@@ -5,6 +5,7 @@ manifest is put in place last and is the only commit point.  `docs/store.md` lis
 """
 
 import os
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -29,6 +30,7 @@ from ethogram.campaign.untrusted import MOST_BYTES, is_hash
 State = Literal["stored", "failed", "missing", "damaged", "of another version"]
 T = TypeVar("T")
 
+_NONE: Mapping[str, str] = {}
 _LONGEST = 200  # bytes of a name that is kept of what is set aside
 
 PLAN = "plan.json"
@@ -133,7 +135,14 @@ class Store:
         return files.locked(self._folder("locks") / f"{owner}.lock", wait=wait)
 
     def save(
-        self, case: Case, record: Record, *, started: str, seconds: float, replace: bool = False
+        self,
+        case: Case,
+        record: Record,
+        *,
+        started: str,
+        seconds: float,
+        kernels: Mapping[str, str] = _NONE,
+        replace: bool = False,
     ) -> None:
         """Put a record in place: first its arrays, then the manifest that makes it exist.
 
@@ -142,7 +151,12 @@ class Store:
         """
         data, layout = arrays.pack(record)
         manifest = Manifest(
-            case=case, arrays=sha256(data), layout=layout, started=started, seconds=seconds
+            case=case,
+            arrays=sha256(data),
+            layout=layout,
+            started=started,
+            seconds=seconds,
+            kernels=dict(kernels),
         )
         sealed = seal(manifest)
         self._write(self._path("arrays", manifest.arrays, ".npz"), data)

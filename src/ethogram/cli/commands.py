@@ -328,6 +328,16 @@ def digest(folder: Folder, /) -> int:
 
 
 @app.command
+def doctor(*, as_json: AsJson = False) -> int:
+    """Say what Ethogram finds here: versions, devices, memory, kernels and optional packages."""
+    from ethogram.cli.doctor import diagnosis, lines
+
+    found = diagnosis()
+    print(json.dumps(asdict(found), indent=2) if as_json else "\n".join(lines(found)))
+    return DONE
+
+
+@app.command
 def reproduce(
     *,
     plan: PlanName = "quick",
@@ -390,7 +400,9 @@ def _carried_out(
 ) -> "Summary":
     from ethogram.campaign.display import Display
     from ethogram.campaign.launch import launch
+    from ethogram.physics import native
 
+    native.variant()  # what cannot be had is refused here, not by every case
     try:
         with Display(Console(stderr=True)) as display:
             return launch(study, plan, out, engine=engine, monitor=display, **options)

@@ -111,6 +111,11 @@ class World(Module):
     def horizon(self) -> int:
         """The most steps that an episode can last."""
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """The native kernels that may do the work of its steps, by name."""
+        return ()
+
     @abstractmethod
     def reset(self, key: Key[Array, ""]) -> tuple[Any, PerRole]:
         """Draw an initial state and what each agent observes in it."""

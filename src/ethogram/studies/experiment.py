@@ -41,7 +41,7 @@ from ethogram.studies.plotting import (
     svg,
 )
 from ethogram.studies.statistics import Need, Part, difference, measured
-from ethogram.studies.training import Arrays, train_case
+from ethogram.studies.training import Arrays, train_case, use_kernels
 
 EPISODES = 20  # in which each trial is watched after its training
 COMPILE_SECONDS = 4.0
@@ -139,6 +139,7 @@ class Experiment:
         """
         settings = case.parsed(self.settings)
         world = self.world(**dataclasses.asdict(settings.world))
+        use_kernels(context, world)
         learner = self.learner(world, **dataclasses.asdict(settings.learner))
         keys = trial_keys(settings.seed, case.name, settings.trials)
         for_training, for_watching = fold_in(keys, 0), fold_in(keys, 1)

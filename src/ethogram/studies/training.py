@@ -16,8 +16,10 @@ from jaxtyping import Float, Key
 
 from ethogram.campaign.context import Context
 from ethogram.core.pytrees import from_arrays, to_arrays
+from ethogram.core.world import World
 from ethogram.learners.base import Learner, Metrics
 from ethogram.learners.train import train
+from ethogram.physics import native
 
 Arrays = dict[str, np.ndarray]
 DONE = "updates"  # done: a number in a checkpoint
@@ -29,6 +31,11 @@ class Trained(NamedTuple):
 
     state: Any
     curves: Arrays  # by name, with the updates as leading axis
+
+
+def use_kernels(context: Context, world: World) -> None:
+    """Have the record name what does the work of a world's kernels; before any training."""
+    context.use_kernels({name: native.implementation(name) for name in world.kernels})
 
 
 def train_case(

@@ -49,6 +49,11 @@ class Wrapper(World, any_action=True):
         """The other world's."""
         return self.world.horizon
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """The other world's."""
+        return self.world.kernels
+
     def reset(self, key: Key[Array, ""]) -> tuple[Any, PerRole]:
         """As the other world."""
         return self.world.reset(key)

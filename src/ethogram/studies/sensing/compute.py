@@ -28,7 +28,7 @@ from ethogram.studies.sensing.plan import (
     controller_of,
     world_of,
 )
-from ethogram.studies.training import Arrays, train_case
+from ethogram.studies.training import Arrays, train_case, use_kernels
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.bodies import text_of
 from ethogram.worlds.softbody.controllers import Controller, policy
@@ -113,6 +113,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """
     settings = case.parsed(Settings)
     require_memory(f"Evolution of {condition_of(settings).description}", cost(case).bytes)
+    use_kernels(context, world_of(settings))
     keys = trial_keys(settings.seed, case.name, settings.trials)
     learner = learner_of(settings)
 

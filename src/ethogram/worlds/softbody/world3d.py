@@ -164,6 +164,11 @@ class SoftBody3D(World):
         """Steps of an episode."""
         return self.steps
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """That of lattices of beams."""
+        return ("beams3d",)
+
     def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
         """A robot at rest with its lowest corner at the origin."""
         del key  # nothing is left to chance
