@@ -1,0 +1,181 @@
+// Vectors of lanes: one number of each of the robots that move side by side.
+//
+// Every product that is summed is an explicit fma, and nothing crosses lanes, so that a lane has the
+// same bits whatever its neighbours hold and however wide the vectors are.  A processor without fma
+// rounds twice.
+
+#pragma once
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#define ETHOGRAM_INLINE inline __attribute__((always_inline))
+
+namespace ethogram {
+
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+constexpr int VECTOR_BYTES = 64;
+#elif defined(__AVX2__) && defined(__FMA__)
+constexpr int VECTOR_BYTES = 32;
+#else
+constexpr int VECTOR_BYTES = 16;
+#endif
+
+typedef float Floats __attribute__((vector_size(VECTOR_BYTES)));
+typedef double Doubles __attribute__((vector_size(VECTOR_BYTES)));
+
+// The vector of a type of numbers, and what comparing such vectors gives: all bits set where true.
+template <class Number>
+struct VectorOf;
+template <>
+struct VectorOf<float> {
+  typedef Floats type;
+  typedef int32_t Flag;
+};
+template <>
+struct VectorOf<double> {
+  typedef Doubles type;
+  typedef int64_t Flag;
+};
+template <class Number>
+using Vector = typename VectorOf<Number>::type;
+template <class Number>
+using Mask = decltype(Vector<Number>{} < Vector<Number>{});
+template <class Number>
+constexpr int LANES = VECTOR_BYTES / sizeof(Number);
+
+// fma(a, b, c) = a b + c, fnma(a, b, c) = c - a b.
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+ETHOGRAM_INLINE Floats fma(Floats a, Floats b, Floats c) { return _mm512_fmadd_ps(a, b, c); }
+ETHOGRAM_INLINE Doubles fma(Doubles a, Doubles b, Doubles c) { return _mm512_fmadd_pd(a, b, c); }
+ETHOGRAM_INLINE Floats fnma(Floats a, Floats b, Floats c) { return _mm512_fnmadd_ps(a, b, c); }
+ETHOGRAM_INLINE Doubles fnma(Doubles a, Doubles b, Doubles c) { return _mm512_fnmadd_pd(a, b, c); }
+ETHOGRAM_INLINE Floats root(Floats a) { return _mm512_sqrt_ps(a); }
+ETHOGRAM_INLINE Doubles root(Doubles a) { return _mm512_sqrt_pd(a); }
+ETHOGRAM_INLINE Floats broadcast(float a) { return _mm512_set1_ps(a); }
+ETHOGRAM_INLINE Doubles broadcast(double a) { return _mm512_set1_pd(a); }
+ETHOGRAM_INLINE bool any(Mask<float> m) { return _mm512_movepi32_mask((__m512i)m) != 0; }
+ETHOGRAM_INLINE bool any(Mask<double> m) { return _mm512_movepi64_mask((__m512i)m) != 0; }
+#elif defined(__AVX2__) && defined(__FMA__)
+ETHOGRAM_INLINE Floats fma(Floats a, Floats b, Floats c) { return _mm256_fmadd_ps(a, b, c); }
+ETHOGRAM_INLINE Doubles fma(Doubles a, Doubles b, Doubles c) { return _mm256_fmadd_pd(a, b, c); }
+ETHOGRAM_INLINE Floats fnma(Floats a, Floats b, Floats c) { return _mm256_fnmadd_ps(a, b, c); }
+ETHOGRAM_INLINE Doubles fnma(Doubles a, Doubles b, Doubles c) { return _mm256_fnmadd_pd(a, b, c); }
+ETHOGRAM_INLINE Floats root(Floats a) { return _mm256_sqrt_ps(a); }
+ETHOGRAM_INLINE Doubles root(Doubles a) { return _mm256_sqrt_pd(a); }
+ETHOGRAM_INLINE Floats broadcast(float a) { return _mm256_set1_ps(a); }
+ETHOGRAM_INLINE Doubles broadcast(double a) { return _mm256_set1_pd(a); }
+ETHOGRAM_INLINE bool any(Mask<float> m) { return _mm256_movemask_epi8((__m256i)m) != 0; }
+ETHOGRAM_INLINE bool any(Mask<double> m) { return _mm256_movemask_epi8((__m256i)m) != 0; }
+#else
+ETHOGRAM_INLINE Floats fma(Floats a, Floats b, Floats c) { return a * b + c; }
+ETHOGRAM_INLINE Doubles fma(Doubles a, Doubles b, Doubles c) { return a * b + c; }
+ETHOGRAM_INLINE Floats fnma(Floats a, Floats b, Floats c) { return c - a * b; }
+ETHOGRAM_INLINE Doubles fnma(Doubles a, Doubles b, Doubles c) { return c - a * b; }
+ETHOGRAM_INLINE Floats broadcast(float a) { return Floats{a, a, a, a}; }
+ETHOGRAM_INLINE Doubles broadcast(double a) { return Doubles{a, a}; }
+#if defined(__SSE2__)
+ETHOGRAM_INLINE Floats root(Floats a) { return _mm_sqrt_ps(a); }
+ETHOGRAM_INLINE Doubles root(Doubles a) { return _mm_sqrt_pd(a); }
+ETHOGRAM_INLINE bool any(Mask<float> m) { return _mm_movemask_epi8((__m128i)m) != 0; }
+ETHOGRAM_INLINE bool any(Mask<double> m) { return _mm_movemask_epi8((__m128i)m) != 0; }
+#else
+ETHOGRAM_INLINE Floats root(Floats a) {
+  return Floats{sqrtf(a[0]), sqrtf(a[1]), sqrtf(a[2]), sqrtf(a[3])};
+}
+ETHOGRAM_INLINE Doubles root(Doubles a) { return Doubles{sqrt(a[0]), sqrt(a[1])}; }
+ETHOGRAM_INLINE bool any(Mask<float> m) { return (m[0] | m[1] | m[2] | m[3]) != 0; }
+ETHOGRAM_INLINE bool any(Mask<double> m) { return (m[0] | m[1]) != 0; }
+#endif
+#endif
+
+template <class Lanes>
+ETHOGRAM_INLINE Lanes absolute(Lanes a) {
+  typedef decltype(a < a) Bits;
+  return (Lanes)((Bits)a & ~(Bits)(-Lanes{}));  // all bits but the sign
+}
+
+// a with its sign turned where b is negative.
+template <class Lanes>
+ETHOGRAM_INLINE Lanes with_sign_of(Lanes b, Lanes a) {
+  typedef decltype(a < a) Bits;
+  return (Lanes)((Bits)a ^ ((Bits)b & (Bits)(-Lanes{})));
+}
+
+// The larger, or smaller, of two; the second where the first is not a number.
+template <class Lanes>
+ETHOGRAM_INLINE Lanes larger(Lanes a, Lanes b) {
+  return a > b ? a : b;
+}
+template <class Lanes>
+ETHOGRAM_INLINE Lanes smaller(Lanes a, Lanes b) {
+  return a < b ? a : b;
+}
+
+// Which lanes of an array's last axis a block of robots is: `count` of them from `first` on.  Lanes
+// of a vector that are beyond are copies of the last one, and are never stored.
+struct Block {
+  int64_t first;
+  int64_t count;
+};
+
+template <class Number>
+ETHOGRAM_INLINE Vector<Number> load(const Number* row, Block block) {
+  Vector<Number> lanes;
+  row += block.first;
+  if (__builtin_expect(block.count == LANES<Number>, 1)) {
+    memcpy(&lanes, row, sizeof lanes);
+    return lanes;
+  }
+  Number copies[LANES<Number>];
+  for (int lane = 0; lane < LANES<Number>; lane++)
+    copies[lane] = row[lane < block.count ? lane : block.count - 1];
+  memcpy(&lanes, copies, sizeof lanes);
+  return lanes;
+}
+
+template <class Number>
+ETHOGRAM_INLINE void store(Number* row, Block block, Vector<Number> lanes) {
+  row += block.first;
+  if (__builtin_expect(block.count == LANES<Number>, 1))
+    memcpy(row, &lanes, sizeof lanes);
+  else
+    memcpy(row, &lanes, block.count * sizeof(Number));
+}
+
+// The same of truth values, a byte each.
+template <class Number>
+ETHOGRAM_INLINE Mask<Number> load_flags(const uint8_t* row, Block block) {
+  typedef typename VectorOf<Number>::Flag Flag;
+  uint8_t bytes[LANES<Number>];
+  Flag flags[LANES<Number>];
+  row += block.first;
+  if (__builtin_expect(block.count == LANES<Number>, 1))
+    memcpy(bytes, row, sizeof bytes);
+  else
+    for (int lane = 0; lane < LANES<Number>; lane++)
+      bytes[lane] = row[lane < block.count ? lane : block.count - 1];
+  for (int lane = 0; lane < LANES<Number>; lane++) flags[lane] = -(Flag)(bytes[lane] != 0);
+  Mask<Number> mask;
+  memcpy(&mask, flags, sizeof mask);
+  return mask;
+}
+
+template <class Number>
+ETHOGRAM_INLINE void store_flags(uint8_t* row, Block block, Mask<Number> mask) {
+  typename VectorOf<Number>::Flag flags[LANES<Number>];
+  uint8_t bytes[LANES<Number>];
+  memcpy(flags, &mask, sizeof mask);
+  for (int lane = 0; lane < LANES<Number>; lane++) bytes[lane] = (uint8_t)(flags[lane] & 1);
+  row += block.first;
+  if (__builtin_expect(block.count == LANES<Number>, 1))
+    memcpy(row, bytes, sizeof bytes);
+  else
+    memcpy(row, bytes, block.count);
+}
+
+}  // namespace ethogram
