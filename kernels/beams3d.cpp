@@ -1,19 +1,19 @@
 // Handlers of XLA's foreign functions: `ethogram_beams3d_f32` and `ethogram_beams3d_f64`.
 //
-// Every array has bodies as its first axis, each with a material of its own, and robots of that body
-// as its last, `lane`; all are of one type of numbers where nothing else is said.  Arguments:
-//   0-10   the state: position [body, 3, voxel, lane], orientation [body, 4, voxel, lane], momentum,
-//          angular momentum and force [body, 3, voxel, lane], edge [body, voxel, lane], strain
-//          [body, bond, lane], small [body, bond, lane] (pred), deformation [body, 9, bond, lane],
-//          diverged [body, lane] (pred), clearance [body, lane]
-//   11     first step [body, 1] or [body, lane] (pred)
-//   12-13  edge [body, step, voxel, lane], gravity [body, step, 3, 1] or [body, step, 3, lane]
-//   14     constants [body, 19], in the order of `Constants`
-//   15-17  first and second voxel and axis of bonds [body, bond] (s32)
-//   18-19  left and right voxel of pairs [body, pair] (s32)
-//   20-21  bonds of first voxels, pairs of left voxels [body, slot, voxel] (s32)
-// Attributes: floor, and whether lattices are padded: then only bonds and pairs that arguments 20
-// and 21 list are used.  Results: the state, each array in the place of the argument that it was.
+// Attributes: floor; padded, whether only bonds and pairs that arguments 20 and 21 list are used; and
+// bodies, whether every array has bodies, each with a material of its own, as its first axis.  After
+// that and the axes that are given here come those of robots, any number of them where `lane` is
+// written.  All is of one type of numbers where nothing else is said.  Arguments:
+//   0-11   the state: position [3, voxel, lane], orientation [4, voxel, lane], momentum, angular
+//          momentum and force [3, voxel, lane], edge [voxel, lane], strain [bond, lane], small
+//          [bond, lane] (pred), deformation [9, bond, lane], steps [] or [lane] (s32), diverged
+//          [lane] (pred), clearance [lane]
+//   12-13  edge [step, voxel, lane], gravity [step, 3] or [step, 3, lane]
+//   14     constants [19], in the order of `Constants`
+//   15-17  first and second voxel and axis of bonds [bond] (s32)
+//   18-19  left and right voxel of pairs [pair] (s32)
+//   20-21  bonds of first voxels, pairs of left voxels [slot, voxel] (s32)
+// Results: the state, each array in the place of the argument that it was.
 
 #include <stdlib.h>
 
@@ -44,44 +44,44 @@ void mark_used(const int32_t* listed, int64_t places, uint8_t* used, int64_t ite
 
 // Sizes of the arrays; below 0 before the first array that has them.
 struct Sizes {
-  int64_t bodies = -1, voxels = -1, bonds = -1, pairs = -1, lanes = -1, steps = -1;
-  int64_t first_lanes = -1, gravity_lanes = -1, bond_slots = -1, pair_slots = -1;
+  int64_t voxels = -1, bonds = -1, pairs = -1, lanes = -1, steps = -1;
+  int64_t count_lanes = -1, gravity_lanes = -1, bond_slots = -1, pair_slots = -1;
 };
 
-constexpr int64_t ROWS_OF_VECTOR = 3, ROWS_OF_QUATERNION = 4, ROWS_OF_DEFORMATION = 9;
+constexpr int64_t SHARED = 1;  // lanes of what is the same for all robots
+constexpr int64_t VECTOR = 3, QUATERNION = 4, DEFORMATION = 9;
 
-template <class Number, class Flag, class Numbers, class Flags>
-State<Number, Flag> take_state(Numbers numbers, Flags flags, Sizes& of) {
-  State<Number, Flag> state;
-  state.position = numbers("state.position", of.bodies, ROWS_OF_VECTOR, of.voxels, of.lanes);
-  state.orientation =
-      numbers("state.orientation", of.bodies, ROWS_OF_QUATERNION, of.voxels, of.lanes);
-  state.momentum = numbers("state.momentum", of.bodies, ROWS_OF_VECTOR, of.voxels, of.lanes);
-  state.angular_momentum =
-      numbers("state.angular_momentum", of.bodies, ROWS_OF_VECTOR, of.voxels, of.lanes);
-  state.force = numbers("state.force", of.bodies, ROWS_OF_VECTOR, of.voxels, of.lanes);
-  state.edge = numbers("state.edge", of.bodies, of.voxels, of.lanes);
-  state.strain = numbers("state.strain", of.bodies, of.bonds, of.lanes);
-  state.small = flags("state.memory.small", of.bodies, of.bonds, of.lanes);
-  state.deformation =
-      numbers("state.memory.deformation", of.bodies, ROWS_OF_DEFORMATION, of.bonds, of.lanes);
-  state.diverged = flags("state.diverged", of.bodies, of.lanes);
-  state.clearance = numbers("state.clearance", of.bodies, of.lanes);
+template <class Number, class Flag, class Count, class Numbers, class Flags, class Counts>
+State<Number, Flag, Count> take_state(Numbers numbers, Flags flags, Counts counts, Sizes& of) {
+  State<Number, Flag, Count> state;
+  state.position = numbers("state.position", of.lanes, VECTOR, of.voxels);
+  state.orientation = numbers("state.orientation", of.lanes, QUATERNION, of.voxels);
+  state.momentum = numbers("state.momentum", of.lanes, VECTOR, of.voxels);
+  state.angular_momentum = numbers("state.angular_momentum", of.lanes, VECTOR, of.voxels);
+  state.force = numbers("state.force", of.lanes, VECTOR, of.voxels);
+  state.edge = numbers("state.edge", of.lanes, of.voxels);
+  state.strain = numbers("state.strain", of.lanes, of.bonds);
+  state.small = flags("state.memory.small", of.lanes, of.bonds);
+  state.deformation = numbers("state.memory.deformation", of.lanes, DEFORMATION, of.bonds);
+  state.steps = counts("state.steps", of.count_lanes);
+  state.diverged = flags("state.diverged", of.lanes);
+  state.clearance = numbers("state.clearance", of.lanes);
   return state;
 }
 
-template <class Number, class Flag>
-State<Number, Flag> of_body(const State<Number, Flag>& all, int64_t body, const Sizes& of) {
+template <class Number, class Flag, class Count>
+State<Number, Flag, Count> of_body(const State<Number, Flag, Count>& all, int64_t body, const Sizes& of) {
   int64_t voxels = body * of.voxels * of.lanes, bonds = body * of.bonds * of.lanes;
-  return {all.position + ROWS_OF_VECTOR * voxels,
-          all.orientation + ROWS_OF_QUATERNION * voxels,
-          all.momentum + ROWS_OF_VECTOR * voxels,
-          all.angular_momentum + ROWS_OF_VECTOR * voxels,
-          all.force + ROWS_OF_VECTOR * voxels,
+  return {all.position + VECTOR * voxels,
+          all.orientation + QUATERNION * voxels,
+          all.momentum + VECTOR * voxels,
+          all.angular_momentum + VECTOR * voxels,
+          all.force + VECTOR * voxels,
           all.edge + voxels,
           all.strain + bonds,
           all.small + bonds,
-          all.deformation + ROWS_OF_DEFORMATION * bonds,
+          all.deformation + DEFORMATION * bonds,
+          all.steps + body * of.count_lanes,
           all.diverged + body * of.lanes,
           all.clearance + body * of.lanes};
 }
@@ -89,17 +89,15 @@ State<Number, Flag> of_body(const State<Number, Flag>& all, int64_t body, const 
 template <class Number>
 Commands<Number> take_commands(Call& call, Sizes& of) {
   Commands<Number> commands;
-  commands.first_step = call.argument<uint8_t>("first_step", of.bodies, of.first_lanes);
-  commands.edge = call.argument<Number>("edge", of.bodies, of.steps, of.voxels, of.lanes);
-  commands.gravity =
-      call.argument<Number>("gravity", of.bodies, of.steps, ROWS_OF_VECTOR, of.gravity_lanes);
+  commands.edge = call.argument<Number>("edge", of.lanes, of.steps, of.voxels);
+  commands.gravity = call.argument<Number>("gravity", of.gravity_lanes, of.steps, VECTOR);
   commands.steps = of.steps;
-  commands.first_step_is_shared = of.first_lanes == 1;
-  commands.gravity_is_shared = of.gravity_lanes == 1;
-  if (of.first_lanes != 1 && of.first_lanes != of.lanes)
-    call.refuse("argument first_step: it is for %lld robots; it should be for 1 or %lld",
-                (long long)of.first_lanes, (long long)of.lanes);
-  if (of.gravity_lanes != 1 && of.gravity_lanes != of.lanes)
+  commands.gravity_is_shared = of.gravity_lanes == SHARED;
+  commands.count_is_shared = of.count_lanes == SHARED;
+  if (of.count_lanes != SHARED && of.count_lanes != of.lanes)
+    call.refuse("argument state.steps: it is for %lld robots; it should be for 1 or %lld",
+                (long long)of.count_lanes, (long long)of.lanes);
+  if (of.gravity_lanes != SHARED && of.gravity_lanes != of.lanes)
     call.refuse("argument gravity: it is for %lld robots; it should be for 1 or %lld",
                 (long long)of.gravity_lanes, (long long)of.lanes);
   return commands;
@@ -108,9 +106,8 @@ Commands<Number> take_commands(Call& call, Sizes& of) {
 template <class Number>
 Commands<Number> of_body(const Commands<Number>& all, int64_t body, const Sizes& of) {
   Commands<Number> commands = all;
-  commands.first_step += body * of.first_lanes;
   commands.edge += body * of.steps * of.voxels * of.lanes;
-  commands.gravity += body * of.steps * ROWS_OF_VECTOR * of.gravity_lanes;
+  commands.gravity += body * of.steps * VECTOR * of.gravity_lanes;
   return commands;
 }
 
@@ -123,22 +120,22 @@ struct Lattices {
 Lattices take_lattices(Call& call, Sizes& of) {
   Lattices lattices;
   Lattice& all = lattices.all;
-  all.first = call.argument<int32_t>("lattice.first.voxel", of.bodies, of.bonds);
-  all.second = call.argument<int32_t>("lattice.second.voxel", of.bodies, of.bonds);
-  all.axis = call.argument<int32_t>("lattice.axis", of.bodies, of.bonds);
-  all.left = call.argument<int32_t>("lattice.left.voxel", of.bodies, of.pairs);
-  all.right = call.argument<int32_t>("lattice.right.voxel", of.bodies, of.pairs);
+  all.first = call.argument<int32_t>("lattice.first.voxel", SHARED, of.bonds);
+  all.second = call.argument<int32_t>("lattice.second.voxel", SHARED, of.bonds);
+  all.axis = call.argument<int32_t>("lattice.axis", SHARED, of.bonds);
+  all.left = call.argument<int32_t>("lattice.left.voxel", SHARED, of.pairs);
+  all.right = call.argument<int32_t>("lattice.right.voxel", SHARED, of.pairs);
   lattices.bond_items =
-      call.argument<int32_t>("lattice.first.items", of.bodies, of.bond_slots, of.voxels);
+      call.argument<int32_t>("lattice.first.items", SHARED, of.bond_slots, of.voxels);
   lattices.pair_items =
-      call.argument<int32_t>("lattice.left.items", of.bodies, of.pair_slots, of.voxels);
+      call.argument<int32_t>("lattice.left.items", SHARED, of.pair_slots, of.voxels);
   all.voxels = of.voxels, all.bonds = of.bonds, all.pairs = of.pairs;
   all.bond_used = all.pair_used = nullptr;
   if (call.failed()) return lattices;
-  check_voxels(call, "lattice.first.voxel", all.first, of.bodies * of.bonds, of.voxels);
-  check_voxels(call, "lattice.second.voxel", all.second, of.bodies * of.bonds, of.voxels);
-  check_voxels(call, "lattice.left.voxel", all.left, of.bodies * of.pairs, of.voxels);
-  check_voxels(call, "lattice.right.voxel", all.right, of.bodies * of.pairs, of.voxels);
+  check_voxels(call, "lattice.first.voxel", all.first, call.bodies() * of.bonds, of.voxels);
+  check_voxels(call, "lattice.second.voxel", all.second, call.bodies() * of.bonds, of.voxels);
+  check_voxels(call, "lattice.left.voxel", all.left, call.bodies() * of.pairs, of.voxels);
+  check_voxels(call, "lattice.right.voxel", all.right, call.bodies() * of.pairs, of.voxels);
   return lattices;
 }
 
@@ -161,16 +158,18 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
   if (Call::asked_for_metadata(frame)) return nullptr;
   Call call(frame);
   Sizes of;
-  auto before = take_state<const Number, const uint8_t>(
+  auto before = take_state<const Number, const uint8_t, const int32_t>(
       [&](auto&&... which) { return call.argument<Number>(which...); },
-      [&](auto&&... which) { return call.argument<uint8_t>(which...); }, of);
+      [&](auto&&... which) { return call.argument<uint8_t>(which...); },
+      [&](auto&&... which) { return call.argument<int32_t>(which...); }, of);
   Commands<Number> commands = take_commands<Number>(call, of);
-  int64_t constants = sizeof(Constants<Number>) / sizeof(Number);
-  const Number* numbers = call.argument<Number>("constants", of.bodies, constants);
+  const int64_t constants = sizeof(Constants<Number>) / sizeof(Number);
+  const Number* numbers = call.argument<Number>("constants", SHARED, constants);
   Lattices lattices = take_lattices(call, of);
-  auto after = take_state<Number, uint8_t>(
+  auto after = take_state<Number, uint8_t, int32_t>(
       [&](auto&&... which) { return call.result<Number>(which...); },
-      [&](auto&&... which) { return call.result<uint8_t>(which...); }, of);
+      [&](auto&&... which) { return call.result<uint8_t>(which...); },
+      [&](auto&&... which) { return call.result<int32_t>(which...); }, of);
   bool has_floor = call.flag("floor"), is_padded = call.flag("padded");
   if (XLA_FFI_Error* error = call.error()) return error;
 
@@ -183,7 +182,7 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
   }
   char* start = memory + (aligned((intptr_t)memory) - (intptr_t)memory);
   uint8_t* used = is_padded ? reinterpret_cast<uint8_t*>(start + records) : nullptr;
-  for (int64_t body = 0; body < of.bodies; body++) {
+  for (int64_t body = 0; body < call.bodies(); body++) {
     Constants<Number> material;
     memcpy(&material, numbers + body * constants, sizeof material);
     Simulation<Number> simulation(of_body(lattices, body, of, used), material, has_floor, start);
@@ -194,6 +193,8 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
                      of_body(after, body, of), of.lanes, block);
     }
   }
+  for (int64_t count = 0; count < call.bodies() * of.count_lanes; count++)
+    after.steps[count] = before.steps[count] + (int32_t)of.steps;
   free(memory);
   return nullptr;
 }

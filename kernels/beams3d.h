@@ -37,11 +37,12 @@ constexpr double FAR_APART = 1e30;           // m
 constexpr double PI = 3.14159265358979323846;
 
 // The state's arrays: components first, then voxels or bonds, then lanes.
-template <class Number, class Flag>
+template <class Number, class Flag, class Count>
 struct State {
   Number *position, *orientation, *momentum, *angular_momentum, *force, *edge, *strain;
   Flag* small;
   Number* deformation;
+  Count* steps;  // one each, or one for all
   Flag* diverged;
   Number* clearance;
 };
@@ -52,14 +53,12 @@ struct Lattice {
   const uint8_t *bond_used, *pair_used;
 };
 
-// What is commanded: [step, voxel, lane], [step, 3] or [step, 3, lane], and [1] or [lane].
+// What is commanded: edge [step, voxel, lane], gravity [step, 3] or [step, 3, lane].
 template <class Number>
 struct Commands {
   int64_t steps;
   const Number *edge, *gravity;
-  bool gravity_is_shared;
-  const uint8_t* first_step;
-  bool first_step_is_shared;
+  bool gravity_is_shared, count_is_shared;
 };
 
 // In the order in which `ethogram.physics.beams3d.kernel.constants` gives them.
@@ -204,8 +203,8 @@ class Simulation {
   typedef beams3d::Pull<Lanes> Pull;
   typedef beams3d::Beam<Lanes> Beam;
 
-  typedef State<const Number, const uint8_t> Before;
-  typedef State<Number, uint8_t> After;
+  typedef State<const Number, const uint8_t, const int32_t> Before;
+  typedef State<Number, uint8_t, int32_t> After;
 
   struct Voxel {
     Vector3 position, momentum, angular_momentum;
@@ -257,8 +256,7 @@ class Simulation {
   void run(const Before& before, const Commands<Number>& commands,
            const After& after, int64_t lanes, Block block) {
     read(before, lanes, block);
-    first_step_ = load_flags<Number>(commands.first_step,
-                                     commands.first_step_is_shared ? Block{0, 1} : block);
+    first_step_ = load_zeros<Number>(before.steps, commands.count_is_shared ? Block{0, 1} : block);
     for (int64_t step = 0; step < commands.steps; step++) {
       command(commands, step, lanes, block);
       bond_forces(step == commands.steps - 1);

@@ -36,9 +36,12 @@ struct TypeOf<uint8_t> {
 
 // One call of a handler.  Arguments are taken in their order, then results in theirs; the first that
 // is not what it should be is named by `error`, and what is taken after that is null.
+//
+// An array has, one after the other: the axis of bodies, if the call has one; axes of its own; and
+// any number of axes of robots, which count as one, of as many lanes as there are robots.
 class Call {
  public:
-  explicit Call(XLA_FFI_CallFrame* frame) : frame_(frame) {}
+  explicit Call(XLA_FFI_CallFrame* frame) : frame_(frame), has_bodies_(flag("bodies")) {}
 
   // Whether XLA asks what the handler is instead of calling it; it is then answered.
   static bool asked_for_metadata(XLA_FFI_CallFrame* frame) {
@@ -54,30 +57,29 @@ class Call {
     return false;
   }
 
-  // The next argument, of as many axes as sizes are given: a number, or a variable, which is set if
-  // it is below 0.
-  template <class Number, class... Sizes>
-  const Number* argument(const char* name, Sizes&... sizes) {
+  // The next argument.  Sizes of its own axes, and lanes, are numbers, or variables that are set if
+  // they are below 0; without lanes it is the same for all robots.
+  template <class Number, class Lanes, class... Sizes>
+  const Number* argument(const char* name, Lanes& lanes, Sizes&... own) {
     if (failed_) return nullptr;
     if (arguments_ >= frame_->args.size) return refuse("there is no argument %s", name), nullptr;
+    Size sizes[] = {Size(lanes), Size(own)...};
     int64_t place = arguments_++;
-    if (frame_->args.types[place] != XLA_FFI_ArgType_BUFFER)
-      return refuse("argument %s: it should be an array", name), nullptr;
-    Size expected[] = {Size(sizes)...};
-    return data<Number>("argument", name, frame_->args.args[place], expected, sizeof...(sizes));
+    return data<Number>("argument", name, frame_->args.args[place], sizes, sizeof...(own));
   }
 
-  // The next result; all sizes are known.
-  template <class Number, class... Sizes>
-  Number* result(const char* name, Sizes&... sizes) {
+  // The next result.
+  template <class Number, class Lanes, class... Sizes>
+  Number* result(const char* name, Lanes& lanes, Sizes&... own) {
     if (failed_) return nullptr;
     if (results_ >= frame_->rets.size) return refuse("there is no result %s", name), nullptr;
+    Size sizes[] = {Size(lanes), Size(own)...};
     int64_t place = results_++;
-    if (frame_->rets.types[place] != XLA_FFI_RetType_BUFFER)
-      return refuse("result %s: it should be an array", name), nullptr;
-    Size expected[] = {Size(sizes)...};
-    return data<Number>("result", name, frame_->rets.rets[place], expected, sizeof...(sizes));
+    return data<Number>("result", name, frame_->rets.rets[place], sizes, sizeof...(own));
   }
+
+  // How many bodies there are, known when anything was taken.
+  int64_t bodies() const { return bodies_; }
 
   bool flag(const char* name) {
     for (int64_t i = 0; !failed_ && i < frame_->attrs.size; i++) {
@@ -122,9 +124,12 @@ class Call {
    public:
     explicit Size(int64_t& variable) : variable_(&variable), value_(variable) {}
     explicit Size(const int64_t& value) : variable_(nullptr), value_(value) {}
-    int64_t or_set_to(int64_t found) const {
-      if (!variable_ || *variable_ >= 0) return variable_ ? *variable_ : value_;
-      return *variable_ = found;
+
+    // What it should be; one that may be anything becomes what is found.
+    int64_t expected(int64_t found) const {
+      if (!variable_) return value_;
+      if (*variable_ < 0) *variable_ = found;
+      return *variable_;
     }
 
    private:
@@ -133,28 +138,36 @@ class Call {
   };
 
   template <class Number>
-  Number* data(const char* kind, const char* name, void* any, const Size* expected, int64_t rank) {
+  Number* data(const char* kind, const char* name, void* any, const Size* sizes, int64_t own) {
     const XLA_FFI_Buffer* buffer = static_cast<const XLA_FFI_Buffer*>(any);
     if (buffer->dtype != TypeOf<Number>::value)
       return refuse("%s %s: it should be of type %s", kind, name, TypeOf<Number>::name), nullptr;
-    if (buffer->rank != rank)
-      return refuse("%s %s: it has %lld axes; it should have %lld", kind, name,
-                    (long long)buffer->rank, (long long)rank),
+    int64_t axis = 0, axes = own + has_bodies_, lanes = 1;
+    if (buffer->rank < axes)
+      return refuse("%s %s: it has %lld axes; it should have at least %lld", kind, name,
+                    (long long)buffer->rank, (long long)axes),
              nullptr;
-    for (int64_t axis = 0; axis < rank; axis++) {
-      int64_t found = buffer->dims[axis], should = expected[axis].or_set_to(found);
-      if (found != should)
-        return refuse("%s %s: its axis %lld has %lld entries; it should have %lld", kind, name,
-                      (long long)axis, (long long)found, (long long)should),
-               nullptr;
-    }
-    return static_cast<Number*>(buffer->data);
+    if (has_bodies_) fits(kind, name, "bodies", buffer->dims[axis++], Size(bodies_));
+    for (int64_t i = 1; i <= own; i++)
+      fits(kind, name, "entries along an axis", buffer->dims[axis++], sizes[i]);
+    while (axis < buffer->rank) lanes *= buffer->dims[axis++];
+    fits(kind, name, "robots", lanes, sizes[0]);
+    return failed_ ? nullptr : static_cast<Number*>(buffer->data);
+  }
+
+  void fits(const char* kind, const char* name, const char* what, int64_t found, Size size) {
+    int64_t expected = size.expected(found);
+    if (found != expected)
+      refuse("%s %s: it has %lld %s; it should have %lld", kind, name, (long long)found, what,
+             (long long)expected);
   }
 
   XLA_FFI_CallFrame* frame_;
   int64_t arguments_ = 0, results_ = 0;
   bool failed_ = false;
   char message_[200];
+  const bool has_bodies_;
+  int64_t bodies_ = has_bodies_ ? -1 : 1;
 };
 
 }  // namespace ethogram

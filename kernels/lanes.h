@@ -131,6 +131,7 @@ ETHOGRAM_INLINE Vector<Number> load(const Number* row, Block block) {
     memcpy(&lanes, row, sizeof lanes);
     return lanes;
   }
+  if (block.count == 1) return broadcast(*row);
   Number copies[LANES<Number>];
   for (int lane = 0; lane < LANES<Number>; lane++)
     copies[lane] = row[lane < block.count ? lane : block.count - 1];
@@ -143,6 +144,8 @@ ETHOGRAM_INLINE void store(Number* row, Block block, Vector<Number> lanes) {
   row += block.first;
   if (__builtin_expect(block.count == LANES<Number>, 1))
     memcpy(row, &lanes, sizeof lanes);
+  else if (block.count == 1)
+    *row = lanes[0];
   else
     memcpy(row, &lanes, block.count * sizeof(Number));
 }
@@ -154,6 +157,7 @@ ETHOGRAM_INLINE Mask<Number> load_flags(const uint8_t* row, Block block) {
   uint8_t bytes[LANES<Number>];
   Flag flags[LANES<Number>];
   row += block.first;
+  if (block.count == 1) return *row ? ~Mask<Number>{} : Mask<Number>{};
   if (__builtin_expect(block.count == LANES<Number>, 1))
     memcpy(bytes, row, sizeof bytes);
   else
@@ -165,13 +169,29 @@ ETHOGRAM_INLINE Mask<Number> load_flags(const uint8_t* row, Block block) {
   return mask;
 }
 
+// Which of some counts are 0.
+template <class Number>
+inline Mask<Number> load_zeros(const int32_t* row, Block block) {
+  typename VectorOf<Number>::Flag flags[LANES<Number>];
+  if (block.count == 1) return row[block.first] == 0 ? ~Mask<Number>{} : Mask<Number>{};
+  for (int lane = 0; lane < LANES<Number>; lane++)
+    flags[lane] = row[block.first + (lane < block.count ? lane : block.count - 1)] == 0 ? -1 : 0;
+  Mask<Number> mask;
+  memcpy(&mask, flags, sizeof mask);
+  return mask;
+}
+
 template <class Number>
 ETHOGRAM_INLINE void store_flags(uint8_t* row, Block block, Mask<Number> mask) {
   typename VectorOf<Number>::Flag flags[LANES<Number>];
   uint8_t bytes[LANES<Number>];
+  row += block.first;
+  if (block.count == 1) {
+    *row = (uint8_t)(mask[0] & 1);
+    return;
+  }
   memcpy(flags, &mask, sizeof mask);
   for (int lane = 0; lane < LANES<Number>; lane++) bytes[lane] = (uint8_t)(flags[lane] & 1);
-  row += block.first;
   if (__builtin_expect(block.count == LANES<Number>, 1))
     memcpy(row, bytes, sizeof bytes);
   else

@@ -22,7 +22,7 @@ from ethogram.physics import native
 from ethogram.physics.beams3d.lanes import more_lanes
 from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Material
-from ethogram.physics.beams3d.motion import Memory, State
+from ethogram.physics.beams3d.motion import State
 
 SYMBOLS = {"float32": "ethogram_beams3d_f32", "float64": "ethogram_beams3d_f64"}
 
@@ -62,12 +62,12 @@ def constants(material: Material, dtype: Any) -> Float[Array, "19"]:
 def simulation(name: str, floor: bool) -> Any:
     """The simulation by the kernel of that name: a function of trees with bodies as first axis.
 
-    It takes lattices, materials, states, edges [body, step, voxel, *batch] and gravity
-    [body, step, 3] or [body, step, 3, *batch], and returns states.
+    It takes lattices, materials, states, edges and gravity as `simulate` does, all with bodies as
+    first axis.
     """
 
     def steps(*arguments: Any) -> State:
-        return _called(name, floor, *arguments)
+        return call(name, *arguments, floor=floor, bodies=True)
 
     def batched(size: int, is_batched: list[Any], *arguments: Any) -> tuple[Any, Any]:
         if not any(jax.tree.leaves(is_batched[:2])):
@@ -86,46 +86,41 @@ def simulation(name: str, floor: bool) -> Any:
     return simulated
 
 
-def _called(
+def call(
     name: str,
-    floor: bool,
     lattice: Lattice,
     material: Material,
     state: State,
-    edge: Float[Array, "body step voxel *batch"],
-    gravity: Float[Array, "body step 3 ..."],
+    edge: Array,
+    gravity: Array,
+    *,
+    floor: bool,
+    bodies: bool = False,
 ) -> State:
-    """The call itself, with all batches of robots as one axis."""
-    memory = state.memory
-    arrays = [
-        state.position,
-        state.orientation,
-        state.momentum,
-        state.angular_momentum,
-        state.force,
-        state.edge,
-        state.strain,
-        memory.small,
-        memory.deformation,
-        state.diverged,
-        state.clearance,
-    ]
-    batch = edge.ndim - 3
+    """The state after all steps, by the kernel of a name.
 
-    def in_a_row(array: Array, own: int) -> Array:
-        return array.reshape(*array.shape[:own], -1)
+    Args:
+        name: what `target` returned.
+        lattice: as of `simulate`.
+        material: as of `simulate`.
+        state: as of `simulate`.
+        edge: as of `simulate`.
+        gravity: as of `simulate`.
+        floor: as of `simulate`.
+        bodies: whether all arrays have bodies as first axis.
 
-    rows = [in_a_row(array, array.ndim - batch) for array in arrays]
-    found = jax.ffi.ffi_call(
+    """
+    before, structure = jax.tree.flatten(state)  # fields are in the kernel's order
+    numbers = partial(constants, dtype=edge.dtype)
+    after = jax.ffi.ffi_call(
         name,
-        [jax.ShapeDtypeStruct(row.shape, row.dtype) for row in rows],
-        input_output_aliases={place: place for place in range(len(rows))},
+        [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in before],
+        input_output_aliases={place: place for place in range(len(before))},
     )(
-        *rows,
-        in_a_row(state.steps == 0, 1),
-        in_a_row(edge, 3),
-        in_a_row(gravity, 3),
-        jax.vmap(partial(constants, dtype=edge.dtype))(material),
+        *before,
+        edge,
+        gravity,
+        (jax.vmap(numbers) if bodies else numbers)(material),
         lattice.first.voxel,
         lattice.second.voxel,
         lattice.axis,
@@ -135,21 +130,7 @@ def _called(
         lattice.left.items,
         floor=floor,
         padded=lattice.is_padded,
+        bodies=bodies,
     )
-    position, orientation, momentum, spin, force, edges, strain, small, deformation, *last = (
-        row.reshape(array.shape) for row, array in zip(found, arrays, strict=True)
-    )
-    diverged, clearance = last
-    return State(
-        position=position,
-        orientation=orientation,
-        momentum=momentum,
-        angular_momentum=spin,
-        force=force,
-        edge=edges,
-        strain=strain,
-        memory=Memory(small, deformation),
-        steps=state.steps + edge.shape[1],
-        diverged=diverged,
-        clearance=clearance,
-    )
+    found: State = jax.tree.unflatten(structure, after)
+    return found

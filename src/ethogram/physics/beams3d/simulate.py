@@ -79,7 +79,7 @@ def _checked(lattice: Lattice, state: State, edge: Any, gravity: Any) -> tuple[A
         ("state.strain", state.strain, [bonds], real),
         ("state.memory.small", memory.small, [bonds], flag),
         ("state.memory.deformation", memory.deformation, [(9, *bonds)], real),
-        ("state.steps", state.steps, [(), batch], (jnp.dtype(jnp.int32), jnp.dtype(jnp.int64))),
+        ("state.steps", state.steps, [(), batch], (jnp.dtype(jnp.int32),)),
         ("state.diverged", state.diverged, [batch], flag),
         ("state.clearance", state.clearance, [batch], real),
         ("edge", edge, [(*steps, *voxels)], any_real),
@@ -108,12 +108,7 @@ def _simulation(floor: bool, name: str | None) -> Any:
         return lax.scan(lambda at, now: (advance(at, *now), None), state, (edge, gravity))[0]
 
     def steps(*arguments: Any) -> State:
-        def by_kernel(*arguments: Any) -> Any:
-            one_body = jax.tree.map(lambda leaf: leaf[None], arguments)
-            return jax.tree.map(
-                lambda leaf: leaf[0], native_kernel.simulation(name, floor)(*one_body)
-            )
-
+        by_kernel = partial(native_kernel.call, name, floor=floor)
         return _by_platform(name, by_kernel, in_jax, arguments)
 
     def batched(size: int, is_batched: list[Any], *arguments: Any) -> tuple[Any, Any]:
