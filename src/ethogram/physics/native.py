@@ -7,6 +7,8 @@ from pathlib import Path
 
 import jax
 
+from ethogram.core.errors import UnknownName
+
 LIBRARIES = Path(__file__).with_name("_native")
 VARIANTS = ("x86-64-v4", "x86-64-v3", "x86-64", "portable")
 
@@ -15,6 +17,8 @@ def variant(choice: str = "auto") -> str | None:
     """The variant in use; None for JAX."""
     if choice == "auto":
         choice = os.environ.get("ETHOGRAM_KERNEL", "auto")
+    if choice not in ("auto", "none", *VARIANTS):
+        raise UnknownName("kernel", choice, ("auto", "none", *VARIANTS))
     if choice == "none":
         return None
     wanted = VARIANTS if choice == "auto" else (choice,)

@@ -10,7 +10,7 @@ nor on how many steps one call takes.
 """
 
 from functools import cache, partial
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Material
 from ethogram.physics.beams3d.motion import State
 
+Kernel = Literal["auto", "none", "x86-64-v4", "x86-64-v3", "x86-64", "portable"]
 SYMBOLS = {"float32": "ethogram_beams3d_f32", "float64": "ethogram_beams3d_f64"}
 
 
