@@ -1,9 +1,9 @@
 // Handlers of XLA's foreign functions: `ethogram_beams3d_f32` and `ethogram_beams3d_f64`.
 //
-// Attributes: floor; padded, whether only bonds and pairs that arguments 20 and 21 list are used; and
-// bodies, whether every array has bodies, each with a material of its own, as its first axis.  After
-// that and the axes that are given here come those of robots, any number of them where `lane` is
-// written.  All is of one type of numbers where nothing else is said.  Arguments:
+// Attributes: floor; robots_first, whether axes of robots come before those that are given here and
+// not, as they are written, after them; padded, whether only bonds and pairs that arguments 20 and 21 list are used; and
+// bodies, whether every array has bodies, each with a material of its own, as its first axis.
+// There are any number of axes of robots where `lane` is written.  All is of one type of numbers where nothing else is said.  Arguments:
 //   0-11   the state: position [3, voxel, lane], orientation [4, voxel, lane], momentum, angular
 //          momentum and force [3, voxel, lane], edge [voxel, lane], strain [bond, lane], small
 //          [bond, lane] (pred), deformation [9, bond, lane], steps [] or [lane] (s32), diverged
@@ -94,6 +94,7 @@ Commands<Number> take_commands(Call& call, Sizes& of) {
   commands.steps = of.steps;
   commands.gravity_is_shared = of.gravity_lanes == SHARED;
   commands.count_is_shared = of.count_lanes == SHARED;
+  if (of.steps == 0) call.refuse("argument edge: there are no steps");
   if (of.count_lanes != SHARED && of.count_lanes != of.lanes)
     call.refuse("argument state.steps: it is for %lld robots; it should be for 1 or %lld",
                 (long long)of.count_lanes, (long long)of.lanes);
@@ -174,23 +175,30 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
   if (XLA_FFI_Error* error = call.error()) return error;
 
   int64_t records = aligned(Simulation<Number>::memory(lattices.all));
-  int64_t flags = is_padded ? of.bonds + of.pairs : 0;
-  char* memory = static_cast<char*>(malloc(records + flags + ALIGNMENT));
+  int64_t tile = call.robots_first() ? aligned(Tile<Number>::memory(lattices.all, of.steps)) : 0;
+  int64_t bytes = records + tile + (is_padded ? of.bonds + of.pairs : 0) + ALIGNMENT;
+  char* memory = static_cast<char*>(malloc(bytes));
   if (!memory) {
-    call.refuse("there is no memory for a block of robots: %lld bytes", (long long)records);
+    call.refuse("there is no memory for a block of robots: %lld bytes", (long long)bytes);
     return call.error(XLA_FFI_Error_Code_RESOURCE_EXHAUSTED);
   }
   char* start = memory + (aligned((intptr_t)memory) - (intptr_t)memory);
-  uint8_t* used = is_padded ? reinterpret_cast<uint8_t*>(start + records) : nullptr;
+  uint8_t* used = is_padded ? reinterpret_cast<uint8_t*>(start + records + tile) : nullptr;
   for (int64_t body = 0; body < call.bodies(); body++) {
     Constants<Number> material;
     memcpy(&material, numbers + body * constants, sizeof material);
     Simulation<Number> simulation(of_body(lattices, body, of, used), material, has_floor, start);
+    auto from = of_body(before, body, of);
+    auto to = of_body(after, body, of);
+    auto commanded = of_body(commands, body, of);
     for (int64_t lane = 0; lane < of.lanes; lane += LANES<Number>) {
       int64_t left = of.lanes - lane;
       Block block = {lane, left < LANES<Number> ? left : LANES<Number>};
-      simulation.run(of_body(before, body, of), of_body(commands, body, of),
-                     of_body(after, body, of), of.lanes, block);
+      if (call.robots_first())
+        Tile<Number>(lattices.all, of.steps, start + records)
+            .run(simulation, from, commanded, to, block);
+      else
+        simulation.run(from, commanded, to, of.lanes, block);
     }
   }
   for (int64_t count = 0; count < call.bodies() * of.count_lanes; count++)

@@ -294,7 +294,7 @@ class Simulation {
       Bond& bond = bonds_[b];
       bond.small = load_flags<Number>(state.small + b * lanes, block);
       bond.memory = {at(0), at(1), at(2), at(4), at(5), at(6), at(7), at(8)};
-      bond.strain = load(state.strain + b * lanes, block);
+      bond.strain = all(0);
     }
     diverged_ = load_flags<Number>(state.diverged, block);
     clearance_ = load(state.clearance, block);
@@ -610,6 +610,107 @@ class Simulation {
   const Lanes floor_stiffness_, floor_drag_, static_friction_, dynamic_friction_;
   Mask first_step_, diverged_;
   Lanes clearance_;
+};
+
+// A block of arrays of which robots are the first axis, turned round: the simulation's robots last.
+template <class Number>
+class Tile {
+  typedef State<const Number, const uint8_t, const int32_t> Before;
+  typedef State<Number, uint8_t, int32_t> After;
+  static constexpr int64_t WIDTH = LANES<Number>;
+
+ public:
+  // Bytes of memory that a tile needs, aligned to a vector.
+  static size_t memory(const Lattice& of, int64_t steps) {
+    int64_t numbers = 17 * of.voxels + 10 * of.bonds + 1 + steps * (of.voxels + 3);
+    return WIDTH * (numbers * sizeof(Number) + (of.bonds + 1) + sizeof(int32_t));
+  }
+
+  Tile(const Lattice& of, int64_t steps, void* memory) : of_(of) {
+    Number* next = static_cast<Number*>(memory);
+    auto take = [&](int64_t rows) {
+      Number* taken = next;
+      next += WIDTH * rows;
+      return taken;
+    };
+    state_.position = take(3 * of.voxels);
+    state_.orientation = take(4 * of.voxels);
+    state_.momentum = take(3 * of.voxels);
+    state_.angular_momentum = take(3 * of.voxels);
+    state_.force = take(3 * of.voxels);
+    state_.edge = take(of.voxels);
+    state_.strain = take(of.bonds);
+    state_.deformation = take(9 * of.bonds);
+    state_.clearance = take(1);
+    edge_ = take(steps * of.voxels);
+    gravity_ = take(steps * 3);
+    state_.steps = reinterpret_cast<int32_t*>(next);
+    state_.small = reinterpret_cast<uint8_t*>(state_.steps + WIDTH);
+    state_.diverged = state_.small + WIDTH * of.bonds;
+  }
+
+  void run(Simulation<Number>& simulation, const Before& before, const Commands<Number>& commands,
+           const After& after, Block block) {
+    lanes_last(before.position, 3 * of_.voxels, block, state_.position);
+    lanes_last(before.orientation, 4 * of_.voxels, block, state_.orientation);
+    lanes_last(before.momentum, 3 * of_.voxels, block, state_.momentum);
+    lanes_last(before.angular_momentum, 3 * of_.voxels, block, state_.angular_momentum);
+    lanes_last(before.edge, of_.voxels, block, state_.edge);
+    lanes_last(before.deformation, 9 * of_.bonds, block, state_.deformation);
+    lanes_last(before.clearance, 1, block, state_.clearance);
+    flags_last(before.small, of_.bonds, block, state_.small);
+    flags_last(before.diverged, 1, block, state_.diverged);
+    for (int64_t lane = 0; lane < WIDTH; lane++)
+      state_.steps[lane] = before.steps[commands.count_is_shared ? 0 : block.first + at(lane, block)];
+
+    Commands<Number> turned = commands;
+    turned.count_is_shared = false;
+    lanes_last(commands.edge, commands.steps * of_.voxels, block, edge_);
+    turned.edge = edge_;
+    if (!commands.gravity_is_shared) {
+      lanes_last(commands.gravity, commands.steps * 3, block, gravity_);
+      turned.gravity = gravity_;
+    }
+    const Before state = {state_.position, state_.orientation, state_.momentum,
+                          state_.angular_momentum, state_.force, state_.edge, state_.strain,
+                          state_.small, state_.deformation, state_.steps, state_.diverged,
+                          state_.clearance};
+    simulation.run(state, turned, state_, WIDTH, {0, WIDTH});
+
+    lanes_first(state_.position, 3 * of_.voxels, block, after.position);
+    lanes_first(state_.orientation, 4 * of_.voxels, block, after.orientation);
+    lanes_first(state_.momentum, 3 * of_.voxels, block, after.momentum);
+    lanes_first(state_.angular_momentum, 3 * of_.voxels, block, after.angular_momentum);
+    lanes_first(state_.force, 3 * of_.voxels, block, after.force);
+    lanes_first(state_.edge, of_.voxels, block, after.edge);
+    lanes_first(state_.strain, of_.bonds, block, after.strain);
+    lanes_first(state_.deformation, 9 * of_.bonds, block, after.deformation);
+    lanes_first(state_.clearance, 1, block, after.clearance);
+    flags_first(state_.small, of_.bonds, block, after.small);
+    flags_first(state_.diverged, 1, block, after.diverged);
+  }
+
+ private:
+  static int64_t at(int64_t lane, Block block) {
+    return lane < block.count ? lane : block.count - 1;
+  }
+
+  static void flags_last(const uint8_t* from, int64_t rows, Block block, uint8_t* to) {
+    from += block.first * rows;
+    for (int64_t row = 0; row < rows; row++)
+      for (int64_t lane = 0; lane < WIDTH; lane++)
+        to[row * WIDTH + lane] = from[at(lane, block) * rows + row];
+  }
+
+  static void flags_first(const uint8_t* from, int64_t rows, Block block, uint8_t* to) {
+    to += block.first * rows;
+    for (int64_t lane = 0; lane < block.count; lane++)
+      for (int64_t row = 0; row < rows; row++) to[lane * rows + row] = from[row * WIDTH + lane];
+  }
+
+  const Lattice of_;
+  After state_;
+  Number *edge_, *gravity_;
 };
 
 }  // namespace beams3d

@@ -38,10 +38,11 @@ struct TypeOf<uint8_t> {
 // is not what it should be is named by `error`, and what is taken after that is null.
 //
 // An array has, one after the other: the axis of bodies, if the call has one; axes of its own; and
-// any number of axes of robots, which count as one, of as many lanes as there are robots.
+// any number of axes of robots, which count as one, of as many lanes as there are robots.  Or robots
+// come first, before the array's own axes.
 class Call {
  public:
-  explicit Call(XLA_FFI_CallFrame* frame) : frame_(frame), has_bodies_(flag("bodies")) {}
+  explicit Call(XLA_FFI_CallFrame* frame) : frame_(frame), has_bodies_(flag("bodies")), robots_first_(flag("robots_first")) {}
 
   // Whether XLA asks what the handler is instead of calling it; it is then answered.
   static bool asked_for_metadata(XLA_FFI_CallFrame* frame) {
@@ -103,6 +104,8 @@ class Call {
     va_end(values);
   }
 
+  bool robots_first() const { return robots_first_; }
+
   bool failed() const { return failed_; }
 
   // After everything is taken: what was refused, or null.
@@ -148,9 +151,14 @@ class Call {
                     (long long)buffer->rank, (long long)axes),
              nullptr;
     if (has_bodies_) fits(kind, name, "bodies", buffer->dims[axis++], Size(bodies_));
-    for (int64_t i = 1; i <= own; i++)
-      fits(kind, name, "entries along an axis", buffer->dims[axis++], sizes[i]);
-    while (axis < buffer->rank) lanes *= buffer->dims[axis++];
+    int64_t first_own = robots_first_ ? buffer->rank - own : axis;
+    for (; axis < buffer->rank; axis++) {
+      int64_t place = axis - first_own;
+      if (place < 0 || place >= own)
+        lanes *= buffer->dims[axis];
+      else
+        fits(kind, name, "entries along an axis", buffer->dims[axis], sizes[1 + place]);
+    }
     fits(kind, name, "robots", lanes, sizes[0]);
     return failed_ ? nullptr : static_cast<Number*>(buffer->data);
   }
@@ -166,7 +174,7 @@ class Call {
   int64_t arguments_ = 0, results_ = 0;
   bool failed_ = false;
   char message_[200];
-  const bool has_bodies_;
+  const bool has_bodies_, robots_first_;
   int64_t bodies_ = has_bodies_ ? -1 : 1;
 };
 

@@ -198,4 +198,77 @@ ETHOGRAM_INLINE void store_flags(uint8_t* row, Block block, Mask<Number> mask) {
     memcpy(row, bytes, block.count);
 }
 
+// A square of numbers turned about its diagonal, by exchanges over halves of it, quarters, and so on.
+template <int... at>
+struct Places {};
+template <int count, int... at>
+struct UpTo : UpTo<count - 1, count - 1, at...> {};
+template <int... at>
+struct UpTo<0, at...> {
+  typedef Places<at...> type;
+};
+
+template <int distance, bool upper, class Lanes, int... at>
+ETHOGRAM_INLINE Lanes exchanged(Lanes a, Lanes b, Places<at...>) {
+#if defined(__clang__)
+  constexpr int COUNT = sizeof...(at);
+  return upper ? __builtin_shufflevector(a, b, (at & distance ? COUNT + at : at + distance)...)
+               : __builtin_shufflevector(a, b, (at & distance ? COUNT + at - distance : at)...);
+#else
+  constexpr int COUNT = sizeof...(at);
+  typedef decltype(a < a) Index;
+  return upper ? __builtin_shuffle(a, b, Index{(at & distance ? COUNT + at : at + distance)...})
+               : __builtin_shuffle(a, b, Index{(at & distance ? COUNT + at - distance : at)...});
+#endif
+}
+
+template <class Number, int distance = LANES<Number> / 2>
+ETHOGRAM_INLINE void transpose(Vector<Number>* rows) {
+  constexpr int COUNT = LANES<Number>;
+  typename UpTo<COUNT>::type places;
+  for (int row = 0; row < COUNT; row++) {
+    if (row & distance) continue;
+    Vector<Number> a = rows[row], b = rows[row + distance];
+    rows[row] = exchanged<distance, false>(a, b, places);
+    rows[row + distance] = exchanged<distance, true>(a, b, places);
+  }
+  if constexpr (distance > 1) transpose<Number, distance / 2>(rows);
+}
+
+// A block's robots from [lane, row] to [row, LANES], its last one repeated, and back.
+template <class Number>
+inline void lanes_last(const Number* from, int64_t rows, Block block, Number* to) {
+  constexpr int COUNT = LANES<Number>;
+  from += block.first * rows;
+  auto lane_at = [&](int64_t lane) {
+    return from + (lane < block.count ? lane : block.count - 1) * rows;
+  };
+  for (int64_t row = 0; rows >= COUNT; row = row + 2 * COUNT <= rows ? row + COUNT : rows - COUNT) {
+    Vector<Number> square[COUNT];
+    for (int lane = 0; lane < COUNT; lane++)
+      memcpy(&square[lane], lane_at(lane) + row, sizeof square[lane]);
+    transpose<Number>(square);
+    memcpy(to + row * COUNT, square, sizeof square);
+    if (row + COUNT == rows) return;  // the last square reaches back over some rows again
+  }
+  for (int lane = 0; lane < COUNT; lane++)
+    for (int64_t row = 0; row < rows; row++) to[row * COUNT + lane] = lane_at(lane)[row];
+}
+
+template <class Number>
+inline void lanes_first(const Number* from, int64_t rows, Block block, Number* to) {
+  constexpr int COUNT = LANES<Number>;
+  to += block.first * rows;
+  for (int64_t row = 0; rows >= COUNT; row = row + 2 * COUNT <= rows ? row + COUNT : rows - COUNT) {
+    Vector<Number> square[COUNT];
+    memcpy(square, from + row * COUNT, sizeof square);
+    transpose<Number>(square);
+    for (int lane = 0; lane < block.count; lane++)
+      memcpy(to + lane * rows + row, &square[lane], sizeof square[lane]);
+    if (row + COUNT == rows) return;
+  }
+  for (int lane = 0; lane < block.count; lane++)
+    for (int64_t row = 0; row < rows; row++) to[lane * rows + row] = from[row * COUNT + lane];
+}
+
 }  // namespace ethogram

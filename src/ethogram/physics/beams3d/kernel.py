@@ -1,10 +1,11 @@
 """The kernel written by hand: the steps of `motion.step`, compiled from `kernels/beams3d.cpp`.
 
-It takes bodies as the leading axis of every array, each with a material of its own, and robots of a
-body as trailing ones.  `jax.vmap` makes more of either.  It has no derivatives.
+`jax.vmap` over robots makes more leading axes of robots, or more trailing ones where there are some
+already; over bodies or materials, one leading axis of bodies, each with its robots.  The kernel
+takes all of these as they are.
 
-In 64 bits it agrees with the steps in JAX but for rounding, in 32 bits it takes large angles from a
-polynomial that is 9e-8 of them off.  Where a processor has fused multiply-add its bits depend on
+In 64 bits it agrees with the steps in JAX but for rounding; in 32 bits it takes large angles from a
+polynomial that is 9e-8 of them off.  Where a processor has fused multiply-add, its bits depend on
 nothing but a robot's own state and commands: not on the instruction set, nor on the other robots,
 nor on how many steps one call takes.
 """
@@ -60,30 +61,78 @@ def constants(material: Material, dtype: Any) -> Float[Array, "19"]:
 
 
 @cache
-def simulation(name: str, floor: bool) -> Any:
-    """The simulation by the kernel of that name: a function of trees with bodies as first axis.
+def simulation(name: str, floor: bool, steps_in_jax: Any) -> Any:
+    """The simulation by the kernel of a name, which is differentiated as another one in JAX.
 
-    It takes lattices, materials, states, edges and gravity as `simulate` does, all with bodies as
-    first axis.
+    Both take a lattice, a material, a state, edges and gravity as `simulate` does.
     """
+    return _simulation(name, floor, False, False, steps_in_jax)
+
+
+@cache
+def _simulation(
+    name: str, floor: bool, bodies: bool, robots_first: bool, steps_in_jax: Any
+) -> Any:
+    """The simulation of arrays of a layout; see `call`."""
 
     def steps(*arguments: Any) -> State:
-        return call(name, *arguments, floor=floor, bodies=True)
+        return call(name, *arguments, floor=floor, bodies=bodies, robots_first=robots_first)
 
     def batched(size: int, is_batched: list[Any], *arguments: Any) -> tuple[Any, Any]:
-        if not any(jax.tree.leaves(is_batched[:2])):
-            return more_lanes(simulated, size, is_batched, arguments, bodies=1)
+        if any(jax.tree.leaves(is_batched[:2])):
+            return more_bodies(size, is_batched, arguments)
+        edge = arguments[3]
+        if not robots_first and edge.ndim > bodies + 2 + is_batched[3]:
+            return more_lanes(simulated, size, is_batched, arguments, bodies=int(bodies))
+        return more_robots_first(size, is_batched, arguments)
 
-        def more_bodies(leaf: Array, leaf_is_batched: bool) -> Array:
+    def more_bodies(size: int, is_batched: list[Any], arguments: Any) -> tuple[Any, Any]:
+        def part(leaf: Array, leaf_is_batched: bool) -> Array:
             if not leaf_is_batched:
                 leaf = jnp.broadcast_to(leaf, (size, *leaf.shape))
-            return leaf.reshape(-1, *leaf.shape[2:])
+            return leaf.reshape(-1, *leaf.shape[2:]) if bodies else leaf
 
-        after = simulated(*jax.tree.map(more_bodies, arguments, tuple(is_batched)))
-        after = jax.tree.map(lambda leaf: leaf.reshape(size, -1, *leaf.shape[1:]), after)
+        each = _simulation(name, floor, True, robots_first, steps_in_jax)
+        after = each(*jax.tree.map(part, arguments, tuple(is_batched)))
+        if bodies:
+            after = jax.tree.map(lambda leaf: leaf.reshape(size, -1, *leaf.shape[1:]), after)
         return after, jax.tree.map(lambda _: True, after)
 
-    simulated = with_vmap_rule(steps, batched)
+    def more_robots_first(size: int, is_batched: list[Any], arguments: Any) -> tuple[Any, Any]:
+        lattice, material, state, edge, gravity = arguments
+        batch = edge.shape[is_batched[3] + bodies : edge.ndim - 2]  # of robots that come first
+
+        def part(leaf: Array, leaf_is_batched: bool, own: int | None = None) -> Array:
+            """The array with the batch as first axis after that of bodies."""
+            if own is not None and leaf.ndim == bodies + own + leaf_is_batched:  # shared so far
+                if not leaf_is_batched:
+                    return leaf
+                at = leaf.ndim - own
+                leaf = jnp.expand_dims(leaf, tuple(range(at, at + len(batch))))
+                shape = leaf.shape[:at] + batch + leaf.shape[at + len(batch) :]
+                leaf = jnp.broadcast_to(leaf, shape)
+            if not leaf_is_batched:
+                leaf = jnp.broadcast_to(leaf, (size, *leaf.shape))
+            return jnp.moveaxis(leaf, 0, int(bodies))
+
+        each = _simulation(name, floor, bodies, True, steps_in_jax)
+        after = each(
+            lattice,
+            material,
+            jax.tree.map(
+                lambda leaf, is_in: part(leaf, is_in, 0 if leaf is state.steps else None),
+                state,
+                is_batched[2],
+            ),
+            part(edge, is_batched[3]),
+            part(gravity, is_batched[4], 2),
+        )
+        is_in = jax.tree.map(lambda leaf: leaf is not after.steps or leaf.ndim > bodies, after)
+        return jax.tree.map(
+            lambda leaf, there: jnp.moveaxis(leaf, int(bodies), 0) if there else leaf, after, is_in
+        ), is_in
+
+    simulated = with_vmap_rule(steps, batched, differentiated=steps_in_jax)
     return simulated
 
 
@@ -97,6 +146,7 @@ def call(
     *,
     floor: bool,
     bodies: bool = False,
+    robots_first: bool = False,
 ) -> State:
     """The state after all steps, by the kernel of a name.
 
@@ -108,7 +158,8 @@ def call(
         edge: as of `simulate`.
         gravity: as of `simulate`.
         floor: as of `simulate`.
-        bodies: whether all arrays have bodies as first axis.
+        bodies: whether all arrays have bodies, each with a material of its own, as first axis.
+        robots_first: whether all axes of robots come after that, and not last.
 
     """
     before, structure = jax.tree.flatten(state)  # fields are in the kernel's order
@@ -132,6 +183,7 @@ def call(
         floor=floor,
         padded=lattice.is_padded,
         bodies=bodies,
+        robots_first=robots_first,
     )
     found: State = jax.tree.unflatten(structure, after)
     return found

@@ -2,7 +2,7 @@
 
 All that moves a body goes through `simulate`.  On a CPU a kernel written by hand does the steps
 (`kernel`), where there is one for the processor; elsewhere they are `motion.step` in JAX.
-`jax.vmap` over robots of one body and one material makes more trailing axes, however deep it is
+`jax.vmap` over robots of one body and one material lays them side by side, however deep it is
 nested; over bodies or materials the kernel takes one after the other, and JAX does what it always
 does.  Derivatives are those of the steps in JAX, which are traced only for these.
 """
@@ -54,8 +54,19 @@ def simulate(
 
     """
     edge, gravity = _checked(lattice, state, edge, gravity)
-    name = native_kernel.target(edge.dtype, kernel)
-    found: State = _simulation(floor, name)(lattice, material, state, edge, gravity)
+    if len(edge) == 0:
+        return state
+    arguments = lattice, material, state, edge, gravity
+    name, in_jax = native_kernel.target(edge.dtype, kernel), _simulation_in_jax(floor)
+    found: State
+    if name is None:
+        found = in_jax(*arguments)
+        return found
+    by_kernel = native_kernel.simulation(name, floor, _in_jax(floor))
+    if set(backends()) == {"cpu"}:  # nothing need be traced for other platforms
+        found = by_kernel(*arguments)
+    else:
+        found = lax.platform_dependent(*arguments, cpu=by_kernel, default=in_jax)
     return found
 
 
@@ -96,10 +107,10 @@ def _checked(lattice: Lattice, state: State, edge: Any, gravity: Any) -> tuple[A
 
 
 @cache
-def _simulation(floor: bool, name: str | None) -> Any:
-    """The simulation by the kernel of a name, or by JAX, as a function that `vmap` knows."""
+def _in_jax(floor: bool) -> Any:
+    """The steps in JAX."""
 
-    def in_jax(
+    def steps(
         lattice: Lattice, material: Material, state: State, edge: Array, gravity: Array
     ) -> State:
         advance = partial(step, lattice, material, floor=floor)
@@ -107,38 +118,18 @@ def _simulation(floor: bool, name: str | None) -> Any:
             return advance(state, edge[0], gravity[0])
         return lax.scan(lambda at, now: (advance(at, *now), None), state, (edge, gravity))[0]
 
-    def steps(*arguments: Any) -> State:
-        by_kernel = partial(native_kernel.call, name, floor=floor)
-        return _by_platform(name, by_kernel, in_jax, arguments)
+    return steps
+
+
+@cache
+def _simulation_in_jax(floor: bool) -> Any:
+    """The same, of which `vmap` over robots makes more lanes."""
+    steps = _in_jax(floor)
 
     def batched(size: int, is_batched: list[Any], *arguments: Any) -> tuple[Any, Any]:
-        if not any(jax.tree.leaves(is_batched[:2])):
-            return more_lanes(simulated, size, is_batched, arguments)
+        if any(jax.tree.leaves(is_batched[:2])):
+            return plain_vmap(steps, is_batched, arguments)
+        return more_lanes(simulated, size, is_batched, arguments)
 
-        def by_kernel(*arguments: Any) -> Any:
-            bodies = jax.tree.map(
-                lambda leaf, is_there: leaf if is_there else jnp.broadcast_to(
-                    leaf, (size, *leaf.shape)
-                ),
-                arguments,
-                tuple(is_batched),
-            )
-            return native_kernel.simulation(name, floor)(*bodies)
-
-        def by_jax(*arguments: Any) -> Any:
-            return plain_vmap(in_jax, is_batched, arguments)[0]
-
-        after = _by_platform(name, by_kernel, by_jax, arguments)
-        return after, jax.tree.map(lambda _: True, after)
-
-    simulated = with_vmap_rule(steps, batched, differentiated=in_jax)
+    simulated = with_vmap_rule(steps, batched)
     return simulated
-
-
-def _by_platform(name: str | None, by_kernel: Any, by_jax: Any, arguments: tuple[Any, ...]) -> Any:
-    """By a kernel on CPUs; by JAX elsewhere, and where there is no kernel."""
-    if name is None:
-        return by_jax(*arguments)
-    if set(backends()) == {"cpu"}:  # nothing need be traced for other platforms
-        return by_kernel(*arguments)
-    return lax.platform_dependent(*arguments, cpu=by_kernel, default=by_jax)
