@@ -96,7 +96,12 @@ def _in_a_batch(
     return in_any_copy(flag.any()), False
 
 
-def with_vmap_rule(function: Callable[..., Any], rule: Callable[..., Any]) -> Callable[..., Any]:
+def with_vmap_rule(
+    function: Callable[..., Any],
+    rule: Callable[..., Any],
+    *,
+    differentiated: Callable[..., Any] | None = None,
+) -> Callable[..., Any]:
     """A function that `vmap` batches by a rule, and that is differentiated as it is written.
 
     Args:
@@ -104,8 +109,11 @@ def with_vmap_rule(function: Callable[..., Any], rule: Callable[..., Any]) -> Ca
         rule: as that of `jax.custom_batching.custom_vmap`: takes the size of the batch, for each
             argument a tree of truth values (whether an array is batched), and the arguments, with
             the batch as leading axis; returns the value and a tree of truth values.
+        differentiated: the same function, written so that it can be differentiated, if `function`
+            is not.
 
     """
+    smooth = differentiated or function
 
     def call(*arguments: Any) -> Any:
         return function(*arguments)
@@ -113,7 +121,7 @@ def with_vmap_rule(function: Callable[..., Any], rule: Callable[..., Any]) -> Ca
     batched = custom_vmap(call)
     batched.def_vmap(rule)
     both = jax.custom_jvp(batched)
-    both.defjvp(lambda primals, tangents: jax.jvp(function, primals, tangents))
+    both.defjvp(lambda primals, tangents: jax.jvp(smooth, primals, tangents))
     return both
 
 

@@ -21,7 +21,11 @@ MAX_STRAIN = 100.0  # beyond it the simulation has diverged
 
 
 class State(eqx.Module):
-    """State of a body: its voxels' poses and momenta, and its bonds."""
+    """State of a body: its voxels' poses and momenta, and its bonds.
+
+    Who moves voxels by hand, against each other, sets `clearance` to 0: a kernel looks for contacts
+    only where it is used up.
+    """
 
     position: Float[Array, "3 voxel *batch"]  # m
     orientation: Float[Array, "4 voxel *batch"]  # unit quaternion: w, x, y, z
@@ -33,6 +37,7 @@ class State(eqx.Module):
     memory: Memory
     steps: Int[Array, "..."]  # taken so far: by all alike, or by each
     diverged: Bool[Array, "*batch"]  # once a strain passed 100, or something was not finite
+    clearance: Float[Array, "*batch"]  # m: no voxels come nearer than this to touching; 0: not known
 
 
 def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -> State:
@@ -60,6 +65,7 @@ def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -
         memory=Memory(jnp.ones(bonds, bool), jnp.zeros_like(lift, shape=(9, *bonds))),
         steps=jnp.int32(0),
         diverged=jnp.zeros(batch, bool),
+        clearance=jnp.zeros_like(lift, shape=batch),
     )
 
 
@@ -109,6 +115,7 @@ def step(
         memory=memory,
         steps=state.steps + 1,
         diverged=state.diverged | failed,
+        clearance=jnp.zeros_like(state.clearance),
     )
 
 

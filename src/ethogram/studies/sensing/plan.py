@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         fitness: Fitness = field(init=False)
 
 else:
-    WorldSettings = settings_of(SoftBody3D, omit=("gravity", "max_voxels"))
+    WorldSettings = settings_of(SoftBody3D, omit=("gravity", "max_voxels", "kernel"))
     MaterialSettings = settings_of(Material)
     LearnerSettings = settings_of(AgeFitness)
 

@@ -33,6 +33,7 @@ from ethogram.core.settings import Number, function_of, named, setting
 from ethogram.core.spaces import Box
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.physics.beams3d import (
+    Kernel,
     Lattice,
     Material,
     Size,
@@ -102,6 +103,8 @@ class SoftBody3D(World):
         longest: edge that can be commanded, in edges at rest.
         sensed_scale: "strain", the mean of 1 + strain over a voxel's bonds, or "commanded".
         acceleration_scale: what sensed accelerations are multiplied by, 0 or more.
+        kernel: what does the physics on a CPU: "auto", "none" (JAX), or a kernel by name; see
+            `ethogram.physics.beams3d.simulate`.
 
     """
 
@@ -117,6 +120,7 @@ class SoftBody3D(World):
     longest: Number = setting(1.2, Annotated[float, Field(gt=0)])
     sensed_scale: Scale = setting("strain", Scale, static=True)
     acceleration_scale: Number = setting(0.01, Annotated[float, Field(ge=0)])  # of |dv/dt|, m/s^2
+    kernel: Kernel = setting("auto", Kernel, static=True)
 
     def __post_init__(self) -> None:
         """Pad the body, if asked for."""
@@ -237,7 +241,7 @@ class SoftBody3D(World):
     ) -> State:
         """Limit the edges commanded (m) and let the physics take a step; for batches, too."""
         edges = jnp.clip(edge, *self._edges)
-        return simulate(self.body, self.material, state, edges[None], gravity[None])
+        return simulate(self.body, self.material, state, edges[None], gravity[None], kernel=self.kernel)
 
     def distance(self, start: State, end: State) -> Float[Array, "*batch"]:
         """How far the centre of mass got along +x (m): over an episode, its return."""
