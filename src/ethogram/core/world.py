@@ -112,9 +112,9 @@ class World(Module):
         """The most steps that an episode can last."""
 
     @property
-    def kernels(self) -> tuple[str, ...]:
-        """The native kernels that may do the work of its steps, by name."""
-        return ()
+    def kernels(self) -> dict[str, str]:
+        """The native kernels that may do the work of its steps, and what is asked of each."""
+        return {}
 
     @abstractmethod
     def reset(self, key: Key[Array, ""]) -> tuple[Any, PerRole]:

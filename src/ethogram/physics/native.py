@@ -96,11 +96,17 @@ def target(symbol: str, choice: str = AUTO) -> str | None:
     return None if found is None else _registered(FOLDER, symbol, found)
 
 
-def implementation(kernel: str) -> str:
-    """What does the work of a kernel in this process, for a record: a variant, or JAX."""
+def implementation(kernel: str, choice: str = AUTO) -> str:
+    """What does the work of a kernel in this process, for a record: a variant, or JAX.
+
+    Args:
+        kernel: its name.
+        choice: as of `variant`.
+
+    """
     import jax
 
-    found = variant() if jax.default_backend() == "cpu" else None
+    found = variant(choice) if jax.default_backend() == "cpu" else None
     return found if found and _library(FOLDER, kernel, found).is_file() else JAX
 
 

@@ -35,7 +35,8 @@ class Trained(NamedTuple):
 
 def use_kernels(context: Context, world: World) -> None:
     """Have the record name what does the work of a world's kernels; before any training."""
-    context.use_kernels({name: native.implementation(name) for name in world.kernels})
+    used = {name: native.implementation(name, choice) for name, choice in world.kernels.items()}
+    context.use_kernels(used)
 
 
 def train_case(

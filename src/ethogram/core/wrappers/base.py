@@ -50,7 +50,7 @@ class Wrapper(World, any_action=True):
         return self.world.horizon
 
     @property
-    def kernels(self) -> tuple[str, ...]:
+    def kernels(self) -> dict[str, str]:
         """The other world's."""
         return self.world.kernels
 

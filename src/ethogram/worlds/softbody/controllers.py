@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Float, Key
 
 from ethogram.core.module import Module
@@ -138,14 +138,27 @@ class Sensing(Controller):
             voxels = jnp.stack([sensors.scale, sensors.speed, sensors.acceleration], 1)
             readings = voxels.reshape(-1, *batch)
             hidden = jax.nn.relu(
-                (inward[:-1] * readings[:, None]).sum(0) + inward[-1] * sensors.clock[0]
+                weighted_sum(inward[:-1], readings) + inward[-1] * sensors.clock[0]
             )
-            output = (outward * hidden[:, None]).sum(0)
+            output = weighted_sum(outward, hidden)
             if self.output == "tanh":
                 return 1 + self.amplitude * jnp.tanh(output)
             return jnp.clip(1 + self.amplitude * output, MIN_SCALE, MAX_SCALE)
 
         return scales
+
+
+def weighted_sum(
+    weights: Float[Array, "input output *batch"], inputs: Float[Array, "input *batch"]
+) -> Float[Array, "output *batch"]:
+    """Sums over inputs, one after the other: with robots as last axis four times as fast as `sum`.
+
+    XLA on a CPU does not vectorise a reduction over a leading axis of a product.
+    """
+    start = jnp.zeros_like(weights[0])
+    return lax.fori_loop(
+        0, len(weights), lambda i, so_far: so_far + weights[i] * inputs[i], start
+    )
 
 
 def policy(

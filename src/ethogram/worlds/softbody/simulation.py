@@ -22,7 +22,7 @@ from ethogram.physics.beams3d import State
 from ethogram.worlds.softbody.controllers import Controller
 from ethogram.worlds.softbody.world3d import SoftBody3D
 
-BLOCK_ROBOTS = 96  # robots simulated side by side
+BLOCK_ROBOTS = 192  # robots simulated side by side
 BLOCK_VOXELS = 2048  # at most, where that leaves 16 robots: the state of more leaves the cache
 LANES = 16  # numbers that a processor takes at a time: the fewest robots of a block
 SHARED_GRAVITY = 2  # axes of a gravity that is the same for all robots: step, component

@@ -169,9 +169,9 @@ class SoftBody3D(World):
         return self.steps
 
     @property
-    def kernels(self) -> tuple[str, ...]:
-        """That of lattices of beams."""
-        return ("beams3d",)
+    def kernels(self) -> dict[str, str]:
+        """That of lattices of beams, as the setting says."""
+        return {"beams3d": self.kernel}
 
     def reset(self, key: Key[Array, ""]) -> tuple[State, PerRole]:
         """A robot at rest with its lowest corner at the origin."""
