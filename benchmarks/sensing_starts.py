@@ -12,7 +12,8 @@ robots do not move as the start says, even one start ranks them well.
 Two groups of robots are ranked, apart: `random` ones, as an evolution begins, and `evolved` ones,
 the best of the stored runs with mutants of theirs, as an evolution goes on.  A row is a controller,
 a group, a kind of perturbation and its size.  "Luck" is the standard deviation over starts of how
-far a robot gets, in mm, the mean over robots, and "spread" is that over robots of the mean.
+far a robot gets, in mm, the mean over robots, "spread" that over robots of their means, and "mean"
+the mean of these.
 
 Not a measure of speed, but of what `starts` and `start` of the study `sensing` should be.
 """
@@ -28,8 +29,9 @@ NUMBERS = (1, 2, 4, 8, 16, 32)  # k
 PERTURBATIONS = {  # kind -> its smallest size
     "phase": {"phase": 0.01},  # rad
     "height": {"height": 1e-5},  # m
-    "speed": {"speed": 1e-3},  # m/s
-    "all": {"phase": 0.01, "height": 1e-5, "speed": 1e-3},
+    "speed": {"speed": 1e-3},  # m/s, along x
+    "in plane": {"phase": 0.01, "height": 1e-5, "speed": 1e-3},
+    "sideways": {"sideways": 1e-3},  # m/s, along y
 }
 DRAWS = 200  # pairs of sets of starts
 ROBOTS, POOL = 16, 32  # in a group; starts
@@ -69,7 +71,7 @@ def main() -> None:
     go = eqx.filter_jit(simulate_starts)
     numbers = [number for number in NUMBERS if 2 * number <= options.pool]
     rows = []
-    header = ("body", "law", "robots", "kind", "scale", "spread", "luck", *numbers)
+    header = ("body", "law", "robots", "kind", "scale", "mean", "spread", "luck", *numbers)
     print("| " + " | ".join(map(str, header)) + " |\n" + "| --- " * len(header) + "|")
     for body in options.bodies.split(","):
         for law in options.laws.split(","):
@@ -92,7 +94,7 @@ def main() -> None:
             for kind in options.kinds.split(","):
                 for scale in map(float, options.scale.split(",")):
                     sizes = {name: scale * size for name, size in PERTURBATIONS[kind].items()}
-                    none = dict.fromkeys(("phase", "height", "speed"), 0.0)
+                    none = dict.fromkeys(("phase", "height", "speed", "sideways"), 0.0)
                     distribution = StartDistribution(**(none | sizes))
                     starts = distribution.sample(jax.random.key(0), options.pool)
                     way = 1000 * np.asarray(
@@ -110,6 +112,7 @@ def main() -> None:
                             group,
                             kind,
                             scale,
+                            mine.mean(),
                             mine.mean(1).std(ddof=1),
                             mine.std(1, ddof=1).mean(),
                             *(_agreement(mine, each) for each in numbers),
