@@ -188,7 +188,7 @@ def test_who_diverges_from_one_start_is_the_worst():
     starts = eqx.tree_at(lambda at: at.height, starts, starts.height.at[1].set(jnp.nan))
     found = with_worst(fitness_over(starts))
     assert found.diverged.all()
-    np.testing.assert_array_equal(found.fitness, WORST_FITNESS)
+    np.testing.assert_array_equal(found.fitness, np.float32(WORST_FITNESS))
 
 
 def test_one_start_is_the_one_at_rest_however_others_would_differ(ran):
@@ -253,6 +253,8 @@ def test_a_body_is_one_case_however_it_is_written():
 def test_the_work_of_a_case_grows_with_what_it_does():
     (small,), (more,) = cases("smoke", *ONE), cases("smoke", *ONE, "generations=2000")
     assert study.cost(more).seconds > 5 * (study.cost(small).seconds - compute.COMPILE_SECONDS)
+    (over_starts,) = cases("smoke", *ONE, "starts=1000")
+    assert study.cost(over_starts).seconds > 5 * study.cost(small).seconds - compute.COMPILE_SECONDS
 
 
 NUMBERS = {

@@ -177,9 +177,24 @@ def test_each_robot_has_its_own_start_whoever_is_beside_it(world, genes, even):
     turned = jax.tree.map(lambda part: part[..., ::-1], (genes, start))
     again = simulated(world, turned[0], even, start=turned[1]).distance
     np.testing.assert_array_equal(again[::-1], found)
-    sets = jax.vmap(lambda genes: simulate(world, Sensing(4), genes, even, start=start).distance)
-    together = eqx.filter_jit(sets)(jnp.stack([genes, genes]))
-    np.testing.assert_allclose(together, jnp.stack([found, found]), rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_sets_of_robots_under_vmap_have_the_same_starts_or_their_own(world, genes, even):
+    start = StartDistribution().sample(jax.random.key(0), ROBOTS)
+    found = simulated(world, genes, even, start=start).distance
+    two = jax.tree.map(lambda part: jnp.stack([part, part]), start)
+
+    @eqx.filter_jit
+    def simulated_sets(world, sets, start, axis):
+        def one(genes, start):
+            return simulate(world, Sensing(4), genes, even, start=start, block_size=16).distance
+
+        return jax.vmap(one, (0, axis))(sets, start)
+
+    for starts, axis in ((start, None), (two, 0)):
+        together = simulated_sets(world, jnp.stack([genes, genes]), starts, axis)
+        np.testing.assert_array_equal(together, jnp.stack([found, found]))
 
 
 def test_a_start_is_as_high_as_fast_and_as_late_as_it_says(world):
