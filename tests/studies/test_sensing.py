@@ -3,22 +3,35 @@ from functools import partial
 
 import equinox as eqx
 import hypothesis.strategies as st
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from tests.studies.contexts import Halted, Halting, Remembering
 from tests.studies.fuzzing import MESSAGES, drawn, fuzz, misdrawn
 
 from ethogram.campaign.context import Context
 from ethogram.core.errors import InvalidSettings, TooLarge
 from ethogram.core.scene import Scene
+from ethogram.learners.evolution import WORST_FITNESS
+from ethogram.learners.evolution.base import with_worst
 from ethogram.physics import native
 from ethogram.studies import sensing as study
 from ethogram.studies import training
 from ethogram.studies.sensing import compute
-from ethogram.studies.sensing.plan import Settings, condition_of, controller_of, world_of
+from ethogram.studies.sensing.plan import (
+    Settings,
+    condition_of,
+    controller_of,
+    training_starts,
+    validation_starts,
+    world_of,
+)
+from ethogram.studies.sensing.results import VALIDATED
 from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.simulation import simulate
+from ethogram.worlds.softbody.starts import StartDistribution
 
 # one case of the smoke plan, small; in all tests the same shapes, hence few compiled programs
 SMALL = {"world.steps": 50, "world.body": "worm", "law": "unbounded", "surface": "uneven"}
@@ -135,6 +148,84 @@ def test_a_run_taken_up_from_any_checkpoint_ends_with_the_same_bytes(ran, genera
         np.testing.assert_array_equal(again["results"][name].values, array.values)
 
 
+@pytest.fixture(scope="module")
+def ran_from_starts():
+    """The same case with a fitness over starts, and others to validate the best."""
+    (case,) = cases("smoke", *ONE, "starts=2", "validation_starts=3")
+    return case, study.run(case, Context())["results"]
+
+
+def fitness_over(starts):
+    """The fitness of four random worms over starts, and who diverged."""
+    (case,) = cases("smoke", *ONE)
+    made = compute.learner_of(case.parsed(Settings))
+    fitness = eqx.tree_at(lambda at: at.starts, made.fitness, starts, is_leaf=lambda x: x is None)
+    genomes = made.search_space.sample(jax.random.key(3), 4)
+    return eqx.filter_jit(lambda fitness, genomes: fitness(jax.random.key(0), genomes))(
+        fitness, genomes
+    )
+
+
+def test_the_fitness_over_equal_starts_is_that_of_one():
+    start = StartDistribution().sample(jax.random.key(0), 1)
+    four = jax.tree.map(lambda part: jnp.repeat(part, 4, -1), start)
+    one, same = fitness_over(start), fitness_over(four)
+    np.testing.assert_array_equal(one.fitness, same.fitness)
+    assert np.ptp(one.fitness) > 0
+
+
+def test_the_fitness_over_starts_is_the_mean_of_each():
+    both = StartDistribution().sample(jax.random.key(0), 2)
+    apart = [
+        fitness_over(jax.tree.map(lambda part, at=at: part[..., at : at + 1], both)).fitness
+        for at in range(2)
+    ]
+    np.testing.assert_allclose(fitness_over(both).fitness, np.mean(apart, 0), rtol=1e-5)
+
+
+def test_who_diverges_from_one_start_is_the_worst():
+    starts = StartDistribution().sample(jax.random.key(0), 2)
+    starts = eqx.tree_at(lambda at: at.height, starts, starts.height.at[1].set(jnp.nan))
+    found = with_worst(fitness_over(starts))
+    assert found.diverged.all()
+    np.testing.assert_array_equal(found.fitness, np.float32(WORST_FITNESS))
+
+
+def test_one_start_is_the_one_at_rest_however_others_would_differ(ran):
+    _, record, _ = ran
+    (case,) = cases("smoke", *ONE, "starts=1", "start.height=0.002")
+    again = study.run(case, Context())["results"]
+    xr.testing.assert_identical(again, record["results"])
+    assert "start" not in again.dims
+
+
+def test_validation_starts_are_others_than_those_of_training():
+    (case,) = cases("smoke", *ONE, "starts=5", "validation_starts=5")
+    settings = case.parsed(Settings)
+    seen, fresh = training_starts(settings), validation_starts(settings)
+    assert not np.isin(fresh.phase, seen.phase).any()
+    assert not np.isin(fresh.height, seen.height).any()
+
+
+def test_the_best_is_validated_from_every_start_in_every_scenario(ran_from_starts):
+    case, results = ran_from_starts
+    settings = case.parsed(Settings)
+    world, controller = world_of(settings), controller_of(settings)
+    found = results[VALIDATED]
+    assert dict(found.sizes) == {"trial": settings.trials, "scenario": 4, "start": 3}
+    for trial, scenario, gravity in ((0, "flat", "flat"), (1, "fitness", "evolution")):
+        alone = eqx.filter_jit(simulate)(
+            world,
+            controller,
+            jnp.repeat(jnp.asarray(results.genome.values[trial])[:, None], 3, -1),
+            schedule(gravity, settings.world.steps),
+            start=validation_starts(settings),
+        )
+        there = found.isel(trial=trial).sel(scenario=scenario)
+        np.testing.assert_array_equal(there, alone.distance)
+    assert (np.diff(results.fitness.values, axis=1) >= 0).all(), "the best is never lost"
+
+
 def test_what_does_not_fit_in_memory_is_refused_with_its_size():
     (case,) = cases("smoke", *ONE, "trials=100000", "learner.population_size=100000")
     with pytest.raises(TooLarge, match="worm"):
@@ -161,7 +252,12 @@ def test_a_body_is_one_case_however_it_is_written():
 
 def test_the_work_of_a_case_grows_with_what_it_does():
     (small,), (more,) = cases("smoke", *ONE), cases("smoke", *ONE, "generations=2000")
-    assert study.cost(more).seconds > 5 * (study.cost(small).seconds - compute.COMPILE_SECONDS)
+    (over_starts,) = cases("smoke", *ONE, "starts=1000")
+    small, more, over_starts = (
+        study.cost(case).seconds - compute.COMPILE_SECONDS for case in (small, more, over_starts)
+    )
+    assert more > 5 * small
+    assert over_starts > 5 * small
 
 
 NUMBERS = {
@@ -173,6 +269,9 @@ NUMBERS = {
     "material.poisson_ratio": st.floats(-0.9, 0.5),
     "material.static_friction": st.floats(0.0, 10.0),
     "material.global_damping": st.floats(0.0, 0.2),
+    "start.phase": st.floats(0.0, 3.0),
+    "start.height": st.floats(0.0, 0.1),
+    "start.sideways": st.floats(0.0, 1.0),
     "seed": st.integers(0, 2**32 - 1),
 }
 SHAPES = st.fixed_dictionaries(
@@ -182,6 +281,8 @@ SHAPES = st.fixed_dictionaries(
         "law": st.sampled_from(["plain", "tanh"]),
         "learner.population_size": st.integers(1, 3),
         "trials": st.integers(1, 2),
+        "starts": st.integers(1, 3),
+        "validation_starts": st.integers(0, 2),
     },
 )
 ODD = st.one_of(
@@ -191,7 +292,16 @@ ODD = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
     st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8),
 )
-KEYS = (*NUMBERS, *SMALL, "record_every", "trials", "learner.population_size", "material.mass")
+KEYS = (
+    *NUMBERS,
+    "starts",
+    "validation_starts",
+    *SMALL,
+    "record_every",
+    "trials",
+    "learner.population_size",
+    "material.mass",
+)
 
 
 def test_drawn_settings_run_or_are_refused_with_a_message(capsys):

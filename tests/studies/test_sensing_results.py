@@ -173,6 +173,34 @@ def test_distances_are_in_millimetres_and_a_runs_own(everything):
     assert measure.ratio(data, "flat").value == pytest.approx(1.2)
 
 
+def from_starts(at, runs=4):
+    """A record of robots that were validated from three starts, from which they get half as far."""
+    record = result(at, [100.0] * runs)
+    data = record["results"]
+    half = 0.5 * data["distance"].values[..., None] * np.array([0.9, 1.0, 1.1])
+    data["start_distance"] = (("trial", "scenario", "start"), half)
+    data.attrs["starts"] = 8
+    return record
+
+
+def test_a_distance_is_the_mean_over_validation_starts_where_there_are_any():
+    data = from_starts(sensing("worm", "tanh", "even"))["results"]
+    np.testing.assert_allclose(measure.distance("fitness")(data), 50)
+    np.testing.assert_allclose(measure.from_rest("fitness")(data), 100)
+    np.testing.assert_allclose(measure.trained(data), 100)
+    np.testing.assert_allclose(measure.start_spread("fitness")(data), 5 * np.sqrt(2 / 3))
+
+
+def test_fitness_stands_beside_what_is_left_of_it_on_fresh_starts(everything):
+    at = sensing("worm", "tanh", "even")
+    of = {table.name: table for table in tables({at.name: from_starts(at)})}
+    (row,) = of["starts"].rows
+    assert row[4:6] == (8, 3)
+    assert [cell.value for cell in row[6:9]] == pytest.approx([100, 100, 50])
+    assert "fresh starts" in of["table-5-2"].caption
+    assert "starts" not in {table.name for table in tables(everything)}
+
+
 def test_a_robot_that_does_not_get_ahead_has_no_ratio():
     at = sensing("worm", "tanh", "uneven")
     assert measure.ratio(result(at, [5.0, -1.0])["results"], "flat") is None

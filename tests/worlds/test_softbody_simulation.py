@@ -11,6 +11,7 @@ from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.controllers import NonSensing, Sensing, policy
 from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.simulation import SimulationResult, simulate
+from ethogram.worlds.softbody.starts import Start, StartDistribution
 
 STEPS, ROBOTS = 40, 5
 
@@ -39,13 +40,14 @@ class Centre(eqx.Module):
         return centre(self.world.body, state)
 
 
-def simulated(world, genes, gravity, every=None, block_size=16) -> SimulationResult:
+def simulated(world, genes, gravity, every=None, block_size=16, start=None) -> SimulationResult:
     record = Centre(world) if every else None
     return eqx.filter_jit(simulate)(
         world,
         Sensing(4),
         genes,
         gravity,
+        start=start,
         record=record,
         record_every=every,
         block_size=block_size,
@@ -160,3 +162,63 @@ def test_samples_must_divide_the_steps(world, genes, even):
 def test_a_block_has_robots(world, genes, even):
     with pytest.raises(InvalidSettings, match="block_size = 0: it should be at least 1"):
         simulate(world, Sensing(4), genes, even, block_size=0)
+
+
+def test_a_start_at_rest_is_no_other_start(world, genes, even):
+    still = StartDistribution(phase=0.0, height=0.0, speed=0.0).sample(jax.random.key(0), ROBOTS)
+    found = simulated(world, genes, even, start=still)
+    np.testing.assert_array_equal(found.distance, simulated(world, genes, even).distance)
+
+
+def test_each_robot_has_its_own_start_whoever_is_beside_it(world, genes, even):
+    start = StartDistribution().sample(jax.random.key(0), ROBOTS)
+    found = simulated(world, genes, even, start=start).distance
+    assert (found != simulated(world, genes, even).distance).all()
+    turned = jax.tree.map(lambda part: part[..., ::-1], (genes, start))
+    again = simulated(world, turned[0], even, start=turned[1]).distance
+    np.testing.assert_array_equal(again[::-1], found)
+
+
+@pytest.mark.slow
+def test_sets_of_robots_under_vmap_have_the_same_starts_or_their_own(world, genes, even):
+    start = StartDistribution().sample(jax.random.key(0), ROBOTS)
+    found = simulated(world, genes, even, start=start).distance
+    two = jax.tree.map(lambda part: jnp.stack([part, part]), start)
+
+    @eqx.filter_jit
+    def simulated_sets(world, sets, start, axis):
+        def one(genes, start):
+            return simulate(world, Sensing(4), genes, even, start=start, block_size=16).distance
+
+        return jax.vmap(one, (0, axis))(sets, start)
+
+    for starts, axis in ((start, None), (two, 0)):
+        together = simulated_sets(world, jnp.stack([genes, genes]), starts, axis)
+        np.testing.assert_array_equal(together, jnp.stack([found, found]))
+
+
+def test_a_start_is_as_high_as_fast_and_as_late_as_it_says(world):
+    start = Start(jnp.array([0.5]), jnp.array([0.002]), jnp.array([[0.03], [-0.04]]))
+    state = world.started(start)
+    np.testing.assert_allclose(state.position[2], 0.007, rtol=1e-6)
+    mass = float(world.material.mass)
+    np.testing.assert_allclose(world.sense(state, start).speed, 0.05, rtol=1e-6)
+    np.testing.assert_allclose(state.momentum[:2, 0, 0], [0.03 * mass, -0.04 * mass], rtol=1e-6)
+    clock = world.sense(state, start).clock[:, 0]
+    np.testing.assert_allclose(clock, [np.sin(0.5), np.cos(0.5)], rtol=1e-6)
+
+
+def test_starts_are_drawn_within_their_sizes_and_the_first_ones_stay():
+    distribution = StartDistribution(phase=0.2, height=0.003, speed=0.04, sideways=0.05)
+    start = distribution.sample(jax.random.key(1), 200)
+    for part, low, high in (
+        (start.phase, -0.2, 0.2),
+        (start.height, 0.0, 0.003),
+        (start.velocity[0], -0.04, 0.04),
+        (start.velocity[1], -0.05, 0.05),
+    ):
+        assert low <= part.min() < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < part.max() <= high
+    fewer = distribution.sample(jax.random.key(1), 3)
+    np.testing.assert_array_equal(fewer.velocity, start.velocity[:, :3])
+    np.testing.assert_array_equal(fewer.phase, start.phase[:3])

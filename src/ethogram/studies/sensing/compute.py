@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Float, Key
 
 from ethogram.campaign.case import Case, Cost
@@ -26,8 +26,11 @@ from ethogram.studies.sensing.plan import (
     Settings,
     condition_of,
     controller_of,
+    training_starts,
+    validation_starts,
     world_of,
 )
+from ethogram.studies.sensing.results import VALIDATED
 from ethogram.studies.training import Arrays, train_case, use_kernels
 from ethogram.worlds.softbody import SoftBody3D
 from ethogram.worlds.softbody.bodies import text_of
@@ -35,6 +38,7 @@ from ethogram.worlds.softbody.controllers import Controller, policy
 from ethogram.worlds.softbody.gravity import schedule
 from ethogram.worlds.softbody.scene import Pose, scene_of_poses
 from ethogram.worlds.softbody.simulation import SimulationResult, robots_per_block, simulate
+from ethogram.worlds.softbody.starts import Start
 
 VOXEL_STEPS_PER_SECOND = 5e6  # one core of an ordinary machine; see benchmarks
 COMPILE_SECONDS = 12.0
@@ -45,22 +49,54 @@ ROBOT_BYTES = 4 * 200  # of a voxel's state, bonds and what is computed of them
 
 
 class DistanceFitness(eqx.Module):
-    """Fitness: how far along +x each controller gets."""
+    """Fitness: how far along +x each controller gets, on average over starts.
+
+    The starts are the same for all controllers (common random numbers), whenever they are asked
+    for: nothing is left to chance.  Who diverges from one of them has diverged.
+    """
 
     world: SoftBody3D
     controller: Controller
     gravity: Float[Array, "step 3"]
+    starts: Start | None = None  # None is the one at rest
     deterministic: bool = eqx.field(static=True, default=True)
 
     def __call__(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
         """Simulate all candidates side by side, and under `vmap` those of all runs."""
         del key  # nothing is left to chance
-        found = simulate(self.world, self.controller, genomes.T, self.gravity)
-        return Evaluation(found.distance, found.diverged)
+        if self.starts is None:
+            found = simulate(self.world, self.controller, genomes.T, self.gravity)
+            return Evaluation(found.distance, found.diverged)
+        found = simulate_starts(self.world, self.controller, genomes.T, self.gravity, self.starts)
+        return Evaluation(found.distance.mean(1), found.diverged.any(1))
 
     def policy(self, genome: Float[Array, "gene"]) -> Policy:
         """The controller with these parameters."""
         return policy(self.controller, genome, self.world.material.edge)
+
+
+def simulate_starts(
+    world: SoftBody3D,
+    controller: Controller,
+    parameters: Float[Array, "gene robot"],
+    gravity: Float[Array, "step 3"],
+    starts: Start,
+) -> SimulationResult:
+    """Simulate every robot from every start, all side by side.
+
+    Returns:
+        Distances and who diverged, with axes robot, start; nothing is recorded.
+
+    """
+    robots, number = parameters.shape[-1], len(starts.phase)
+    found = simulate(
+        world,
+        controller,
+        jnp.repeat(parameters, number, -1),
+        gravity,
+        start=jax.tree.map(lambda part: jnp.tile(part, robots), starts),
+    )
+    return jax.tree.map(lambda part: part.reshape(robots, number), found)
 
 
 class Recorder(eqx.Module):
@@ -82,19 +118,25 @@ def cost(case: Case) -> Cost:
     body, block = world.body, robots_per_block(world)
     scenarios = len(SCENARIOS[settings.surface])
     size = learner.population_size
-    groups = ((size, 1), (size + 1, settings.generations), (scenarios, 1))
+    starts, fresh = settings.starts, settings.validation_starts
+    groups = (
+        (size * starts, 1),
+        ((size + 1) * starts, settings.generations),
+        (scenarios, 1),
+        (fresh, scenarios),
+    )
     blocks = sum(-(-settings.trials * each // block) * times for each, times in groups)
     genes = controller_of(settings).search_space.size
     samples = settings.world.steps // settings.record_every
     shown = min(RECORDED, settings.trials)
     watched = settings.trials * scenarios * 2 * samples + shown * samples * body.voxels * 8
-    side_by_side = settings.trials * max(learner.population_size + 1, scenarios)
+    side_by_side = settings.trials * max((size + 1) * starts, scenarios, fresh)
     return Cost(
         seconds=COMPILE_SECONDS
         + blocks * block * settings.world.steps * body.voxels / VOXEL_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
         + settings.trials * generation_bytes(learner.population_size, genes)
-        + ROBOT_BYTES * side_by_side * (body.voxels + body.pairs // 4)
+        + side_by_side * (ROBOT_BYTES * (body.voxels + body.pairs // 4) + 4 * genes)
         + 4 * 3 * settings.world.steps * settings.trials * scenarios
         + RECORDED_BYTES * watched,
     )
@@ -104,7 +146,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     """Evolve and validate all trials of a case.
 
     Returns:
-        `results` (dimensions trial, generation, gene, scenario, axis, sample) and, as `scene`,
+        `results` (dimensions trial, generation, gene, scenario, axis, sample, and start where
+        there are validation starts) and, as `scene`,
         `scene-2`, ..., the best robots of the first trials under the first scenario.
 
     Raises:
@@ -132,6 +175,9 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     )
     genome, _ = jax.vmap(best)(population)
     found = jax.tree.map(np.asarray, _validate(settings, genome))
+    results = _label(settings, curves, genome, found)
+    if settings.validation_starts:
+        results[VALIDATED] = _validate_starts(settings, genome)
     material = world_of(settings).material
     scenes = [
         scene_of_poses(
@@ -142,7 +188,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         )
         for trial in range(min(RECORDED, settings.trials))
     ]
-    return {"results": _label(settings, curves, genome, found), **grouped(scenes)}
+    return {"results": results, **grouped(scenes)}
 
 
 def learner_of(settings: Settings) -> AgeFitness:
@@ -151,7 +197,12 @@ def learner_of(settings: Settings) -> AgeFitness:
     (gravity, *_) = SCENARIOS[settings.surface].values()
     return AgeFitness(
         search_space=controller.search_space,
-        fitness=DistanceFitness(world, controller, schedule(gravity, settings.world.steps)),
+        fitness=DistanceFitness(
+            world,
+            controller,
+            schedule(gravity, settings.world.steps),
+            training_starts(settings),
+        ),
         **dataclasses.asdict(settings.learner),
     )
 
@@ -172,6 +223,35 @@ def _validate(settings: Settings, genome: Float[Array, "trial gene"]) -> Simulat
         record=Recorder(world, min(RECORDED, settings.trials)),
         record_every=settings.record_every,
     )
+
+
+def _validate_starts(settings: Settings, genome: Float[Array, "trial gene"]) -> xr.Variable:
+    """How far the best of each trial gets under each gravity from each validation start (m)."""
+    world, programs = world_of(settings), SCENARIOS[settings.surface].values()
+
+    @eqx.filter_jit
+    def distances(
+        world: SoftBody3D,
+        controller: Controller,
+        genome: Array,
+        schedules: Float[Array, "scenario step 3"],
+        starts: Start,
+    ) -> Float[Array, "scenario trial start"]:
+        def under(gravity: Float[Array, "step 3"]) -> Float[Array, "trial start"]:
+            return simulate_starts(world, controller, genome.T, gravity, starts).distance
+
+        found: Array = lax.map(under, schedules)
+        return found
+
+    found = distances(
+        world,
+        controller_of(settings),
+        genome,
+        jnp.stack([schedule(gravity, settings.world.steps) for gravity in programs]),
+        validation_starts(settings),
+    )
+    values = np.asarray(found, np.float32).transpose(1, 0, 2)
+    return xr.Variable(("trial", "scenario", "start"), values)
 
 
 def _label(
@@ -212,5 +292,6 @@ def _label(
             "surface": condition.surface,
             "generations": settings.generations,
             "steps": settings.world.steps,
+            "starts": settings.starts,
         },
     )

@@ -1,7 +1,9 @@
 """The measures of the chapter, one number per run, taken from stored records.
 
-Distances are in mm.  A run whose best robot diverged has no finite distance: means leave it out,
-tables say so, and a claim that needs it is left undecided.
+Distances are in mm.  Where the best robots started again from validation starts, a distance is the
+mean over these, else that from rest; behaviours are always those from rest.  A run whose best robot
+diverged has no finite distance: means leave it out, tables say so, and a claim that needs it is
+left undecided.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,6 +40,7 @@ from ethogram.studies.statistics import (
 )
 
 MILLIMETRES = 1000.0  # in a metre
+VALIDATED = "start_distance"  # the variable: distances from validation starts (m)
 
 
 @dataclass(frozen=True)
@@ -92,12 +95,43 @@ class Results(chapter.Results[Condition]):
 
 
 def distance(scenario: str) -> Measure:
-    """How far the best robot of each run goes (mm)."""
+    """How far the best robot of each run goes (mm): a mean over validation starts, if any."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        if VALIDATED not in data:
+            return from_rest(scenario)(data)
+        return _from_starts(data, scenario).mean(1)
+
+    return measure
+
+
+def from_rest(scenario: str) -> Measure:
+    """How far the best robot of each run goes from the start at rest (mm)."""
 
     def measure(data: xr.Dataset) -> np.ndarray:
         return MILLIMETRES * data["distance"].sel(scenario=scenario).values.astype(float)
 
     return measure
+
+
+def start_spread(scenario: str) -> Measure:
+    """Standard deviation over validation starts of how far a run's best robot goes (mm)."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
+        return _from_starts(data, scenario).std(1)
+
+    return measure
+
+
+def trained(data: xr.Dataset) -> np.ndarray:
+    """The fitness that the best robot of each run has in evolution (mm)."""
+    last: np.ndarray = MILLIMETRES * data["fitness"].isel(generation=-1).values.astype(float)
+    return np.where(last > MILLIMETRES * WORST_FITNESS, last, np.nan)
+
+
+def _from_starts(data: xr.Dataset, scenario: str) -> Float[np.ndarray, "run start"]:
+    found = data[VALIDATED].sel(scenario=scenario).transpose("trial", "start")
+    return MILLIMETRES * found.values.astype(float)
 
 
 def further(scenario: str, other: str) -> Measure:

@@ -26,12 +26,16 @@ from ethogram.studies.sensing.published import (
     UNEVEN_RATIO,
 )
 from ethogram.studies.sensing.results import (
+    VALIDATED,
     Results,
     distance,
     diverged,
+    from_rest,
     ratio,
     ratios_above_one,
     sound,
+    start_spread,
+    trained,
     u_test,
 )
 from ethogram.studies.statistics import holm, measured
@@ -59,6 +63,7 @@ def tables(records: Records) -> list[Table]:
         _table_5_1(results),
         _table_5_2(results),
         _table_5_3(results),
+        _starts(results),
         _validation(results),
         _behaviour(results),
     ]
@@ -107,7 +112,7 @@ def _table_5_2(results: Results) -> Table:
         "Mann-Whitney U test, two-sided, against the non-sensing controller of the same body; "
         "corrected: by Holm, over the comparisons of this table. Broken robots: of all that were "
         "evaluated; their fitness is the worst. The thesis' deviation of the non-sensing tripod is "
-        f"263 in its text.{_undefined(results, places)}",
+        f"263 in its text.{_mean_over_starts(results, places)}{_undefined(results, places)}",
         columns=(
             *KIND,
             "runs",
@@ -151,7 +156,7 @@ def _table_5_3(results: Results) -> Table:
         "the same scenario; corrected: by Holm, over the comparisons of this table. Broken robots: "
         "in evolution. In step, gravity pulls along x in the second half: who lets go of the "
         "floor gets ahead."
-        f"{_undefined(results, places)}",
+        f"{_mean_over_starts(results, places)}{_undefined(results, places)}",
         columns=(
             "scenario",
             *KIND,
@@ -162,6 +167,45 @@ def _table_5_3(results: Results) -> Table:
             "p",
             "p, corrected",
             "diverged robots",
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _starts(results: Results) -> Table:
+    """What is left of a fitness where robots start as they never did in evolution."""
+    rows: list[tuple[Cell, ...]] = []
+    for at, data in results.by_condition.items():
+        if VALIDATED not in data:
+            continue
+        measures = trained, from_rest(FITNESS), distance(FITNESS)
+        spread = sound(results.trials(start_spread(FITNESS), at)).values
+        rows.append(
+            (
+                at.surface,
+                *_kind(at),
+                int(data.attrs["starts"]),
+                data.sizes["start"],
+                *(measured(sound(results.trials(measure, at))) for measure in measures),
+                None if spread is None else float(spread.mean()),
+            )
+        )
+    return Table(
+        name="starts",
+        title="Fitness in training and on fresh starts",
+        caption="Of the best robot at the end of evolution, in mm, mean over runs with a 95% "
+        "interval. Fitness in training is the mean over the starts that every robot of the "
+        "evolution had; where that is one, the start at rest. Fresh starts differ from rest as "
+        "much, and are others. Spread: standard deviation over fresh starts, mean over runs.",
+        columns=(
+            "surface",
+            *KIND,
+            "starts in training",
+            "fresh starts",
+            "fitness in training",
+            "distance from rest",
+            "distance from fresh starts",
+            "spread over fresh starts",
         ),
         rows=tuple(rows),
     )
@@ -279,6 +323,13 @@ def _p_values(results: Results, places: Sequence[Place]) -> Mapping[Place, tuple
     return {
         place: (found[place], each.p_value) for place, each in zip(found, corrected, strict=True)
     }
+
+
+def _mean_over_starts(results: Results, places: Sequence[Place]) -> str:
+    """What a distance is where there are validation starts."""
+    if not any(VALIDATED in results.by_condition[at] for _, at in places):
+        return ""
+    return " A distance, and a fitness, is the mean over fresh starts (see below)."
 
 
 def _undefined(results: Results, places: Sequence[Place]) -> str:

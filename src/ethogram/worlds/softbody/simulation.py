@@ -20,6 +20,7 @@ from ethogram.core.batching import plain_vmap, with_vmap_rule
 from ethogram.core.errors import InvalidSettings
 from ethogram.physics.beams3d import State
 from ethogram.worlds.softbody.controllers import Controller
+from ethogram.worlds.softbody.starts import Start
 from ethogram.worlds.softbody.world3d import SoftBody3D
 
 BLOCK_ROBOTS = 192  # robots simulated side by side
@@ -42,6 +43,7 @@ def simulate(
     parameters: Float[Array, "gene robot"],
     gravity: Float[Array, "step 3 *robot"],
     *,
+    start: Start | None = None,
     record: Callable[[State], Any] | None = None,
     record_every: int | None = None,
     block_size: int | None = None,
@@ -61,6 +63,7 @@ def simulate(
         parameters: one column per robot.
         gravity: acceleration (m/s^2) at each step, as `gravity.schedule` makes it: the same for
             all robots, or one each.
+        start: one each; None is at rest for all.
         record: what to keep of the state of all robots; robots are the last axis.  None keeps
             nothing.
         record_every: how many steps between two samples; the first is before the first step.
@@ -78,7 +81,7 @@ def simulate(
     if width < 1:
         raise InvalidSettings(f"block_size = {width}: it should be at least 1.")
     arrays, static = eqx.partition((world, controller, record), eqx.is_array)
-    found: SimulationResult = _simulation(static, width, every)(arrays, parameters, gravity)
+    found: SimulationResult = _simulation(static, width, every)(arrays, parameters, gravity, start)
     return found
 
 
@@ -91,15 +94,22 @@ def robots_per_block(world: SoftBody3D) -> int:
 def _simulation(static: Any, width: int, every: int) -> Callable[..., Any]:
     """The simulation of robots side by side, of which `vmap` makes more robots side by side."""
 
-    def in_blocks(arrays: Any, parameters: Array, gravity: Array) -> SimulationResult:
+    def in_blocks(
+        arrays: Any, parameters: Array, gravity: Array, start: Start | None
+    ) -> SimulationResult:
         episode = partial(_episode, *eqx.combine(arrays, static), every=every)
-        return _in_blocks(episode, width, parameters, gravity)
+        return _in_blocks(episode, width, parameters, gravity, start)
 
     def in_one_row(
-        size: int, batched: list[Any], arrays: Any, parameters: Array, gravity: Array
+        size: int,
+        batched: list[Any],
+        arrays: Any,
+        parameters: Array,
+        gravity: Array,
+        start: Any,
     ) -> tuple[Any, Any]:
         if any(jax.tree.leaves(batched[0])):  # worlds or controllers differ
-            return plain_vmap(in_blocks, batched, (arrays, parameters, gravity))
+            return plain_vmap(in_blocks, batched, (arrays, parameters, gravity, start))
         robots = parameters.shape[-1]
         own_gravity = gravity.ndim - batched[2] > SHARED_GRAVITY
         if batched[2] and not own_gravity:
@@ -108,6 +118,7 @@ def _simulation(static: Any, width: int, every: int) -> Callable[..., Any]:
             arrays,
             _one_row(size, parameters, batched[1]),
             _one_row(size, gravity, batched[2]) if batched[2] or own_gravity else gravity,
+            jax.tree.map(partial(_one_row, size), start, batched[3]),
         )
 
         def apart(leaf: Array) -> Array:
@@ -131,6 +142,7 @@ def _in_blocks(
     width: int,
     parameters: Float[Array, "gene robot"],
     gravity: Float[Array, "step 3 *robot"],
+    start: Start | None,
 ) -> SimulationResult:
     """Robots block after block, the last one filled up with copies of the last robot."""
     robots = parameters.shape[-1]
@@ -141,12 +153,12 @@ def _in_blocks(
         filled = jnp.pad(values, room, mode="edge")
         return jnp.moveaxis(filled.reshape(*values.shape[:-1], blocks, width), -2, 0)
 
-    def simulate_block(each: tuple[Array, Array | None]) -> SimulationResult:
-        columns, own = each
-        return episode(columns, gravity if own is None else own)
+    def simulate_block(each: tuple[Array, Array | None, Start | None]) -> SimulationResult:
+        columns, own, starts = each
+        return episode(columns, gravity if own is None else own, starts)
 
     own = block(gravity) if gravity.ndim > SHARED_GRAVITY else None
-    found = lax.map(simulate_block, (block(parameters), own))
+    found = lax.map(simulate_block, (block(parameters), own, jax.tree.map(block, start)))
     return jax.tree.map(
         lambda leaf: jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :robots], found
     )
@@ -158,14 +170,15 @@ def _episode(
     record: Callable[[State], Any] | None,
     parameters: Float[Array, "gene robot"],
     gravity: Float[Array, "step 3 *robot"],
+    start: Start | None,
     *,
     every: int,
 ) -> SimulationResult:
     drive = controller.drive(parameters)
-    start = world.at_rest(parameters.shape[1:])
+    first = world.at_rest(parameters.shape[1:]) if start is None else world.started(start)
 
     def advance(state: State, pull: Float[Array, "3 *robot"]) -> tuple[State, None]:
-        edge = world.material.edge * drive(world.sense(state))
+        edge = world.material.edge * drive(world.sense(state, start))
         return world.move(state, edge, pull), None
 
     def sample(state: State, pulls: Float[Array, "every 3 *robot"]) -> tuple[State, Any]:
@@ -173,6 +186,6 @@ def _episode(
         state, _ = lax.scan(advance, state, pulls)
         return state, recorded
 
-    end, recorded = lax.scan(sample, start, gravity.reshape(-1, every, *gravity.shape[1:]))
-    gone = world.distance(start, end)
+    end, recorded = lax.scan(sample, first, gravity.reshape(-1, every, *gravity.shape[1:]))
+    gone = world.distance(first, end)
     return SimulationResult(jnp.where(end.diverged, jnp.nan, gone), end.diverged, recorded)

@@ -59,6 +59,7 @@ from ethogram.worlds.softbody.sensors import (
     length,
     only_used,
 )
+from ethogram.worlds.softbody.starts import Start
 
 ROLE = "robot"
 
@@ -217,10 +218,31 @@ class SoftBody3D(World):
         """Robots that nothing has moved yet, with trailing axes for a batch."""
         return at_rest(self.body, self.material, batch)
 
-    def sense(self, state: State) -> Sensors:
-        """Read all sensors; for a batch of robots, too."""
+    def started(self, start: Start) -> State:
+        """Robots at their starts, but for the clock: `sense` is told its phase."""
+        state = self.at_rest(start.height.shape)
+        momentum = self.material.mass * start.velocity
+        return eqx.tree_at(
+            lambda state: (state.position, state.momentum),
+            state,
+            (
+                state.position.at[2].add(start.height),
+                state.momentum.at[:2].set(momentum[:, None]),
+            ),
+        )
+
+    def sense(self, state: State, start: Start | None = None) -> Sensors:
+        """Read all sensors; for a batch of robots, too.
+
+        Args:
+            state: of the robots.
+            start: from which they came there: their clocks are ahead by its phase, if any.
+
+        """
         material = self.material
         angle = phase(state.steps, self.frequency, material.time_step)
+        if start is not None:
+            angle = angle + start.phase
         if self.sensed_scale == "strain":
             scale = sensed_scale(self.body, state)
         else:
