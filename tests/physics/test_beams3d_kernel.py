@@ -75,9 +75,7 @@ def moved_step_by_step(
 ) -> State:
     def advance(state: State, now: tuple[Array, Array]) -> tuple[State, None]:
         edge, pull = now
-        after = simulate(
-            shape, Material(), state, edge[None], pull[None], kernel=kernel or BEST
-        )
+        after = simulate(shape, Material(), state, edge[None], pull[None], kernel=kernel or BEST)
         return after, None
 
     return lax.scan(advance, state, (edges, gravity))[0]
@@ -277,7 +275,9 @@ def test_vmap_over_bodies_and_materials_takes_each_with_its_robots() -> None:
     found = over_both(stacked, frictions, edges)
     assert found.shape == (2, 2, 5, 3, 7)
     outside = jax.vmap(jax.vmap(jax.vmap(run, (0, None, None)), (None, 0, None)), (None, None, -1))
-    np.testing.assert_array_equal(outside(stacked, frictions, edges).transpose(1, 2, 0, 3, 4), found)
+    np.testing.assert_array_equal(
+        outside(stacked, frictions, edges).transpose(1, 2, 0, 3, 4), found
+    )
     for number, shape in enumerate(shapes):
         for which, friction in enumerate(frictions):
             alone = run(shape, friction, edges[:, : shape.voxels, 3])

@@ -70,9 +70,7 @@ def simulation(name: str, floor: bool, steps_in_jax: Any) -> Any:
 
 
 @cache
-def _simulation(
-    name: str, floor: bool, bodies: bool, robots_first: bool, steps_in_jax: Any
-) -> Any:
+def _simulation(name: str, floor: bool, bodies: bool, robots_first: bool, steps_in_jax: Any) -> Any:
     """The simulation of arrays of a layout; see `call`."""
 
     def steps(*arguments: Any) -> State:

@@ -29,7 +29,7 @@ from ethogram.worlds.softbody.starts import Start, StartDistribution
 NAME = "sensing"
 # Goes up whenever the same settings would give other numbers: also with the sizes of blocks in
 # `worlds.softbody.simulation`, on which the last bits depend.
-VERSION = "2"
+VERSION = "3"
 
 Law = Literal[Actuation, Output]
 Surface = Literal["even", "uneven"]
@@ -84,6 +84,7 @@ LAWS = (NON_SENSING_LAWS[0], *OUTPUTS)
 SURFACES: tuple[Surface, ...] = get_args(Surface)
 
 TUNED_STARTS = 8  # see docs/results/about_sensing.md
+VALIDATION_STARTS = 16
 _TRAINING, _VALIDATION = range(2)  # folded into the seed's key, for starts
 
 _ALL = {"world.body": MORPHOLOGIES, "law": LAWS, "surface": SURFACES}
@@ -115,15 +116,15 @@ PLANS = {
     "thesis": Plan(
         name="thesis",
         description="Section 5.4: thirty runs of two hundred generations, for either way to read "
-        "the outputs of the network.",
-        settings=Settings(),
+        "the outputs of the network; the best robots also start from elsewhere.",
+        settings=Settings(validation_starts=VALIDATION_STARTS),
         grid=_ALL,
     ),
     "tuned": Plan(
         name="tuned",
         description="Section 5.4 with a fitness that is not luck: the mean over starts that "
         "differ slightly. The best robots are validated from starts that evolution never saw.",
-        settings=Settings(starts=TUNED_STARTS, validation_starts=16),
+        settings=Settings(starts=TUNED_STARTS, validation_starts=VALIDATION_STARTS),
         grid=_ALL,
     ),
 }

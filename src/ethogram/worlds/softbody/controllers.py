@@ -156,9 +156,7 @@ def weighted_sum(
     XLA on a CPU does not vectorise a reduction over a leading axis of a product.
     """
     start = jnp.zeros_like(weights[0])
-    return lax.fori_loop(
-        0, len(weights), lambda i, so_far: so_far + weights[i] * inputs[i], start
-    )
+    return lax.fori_loop(0, len(weights), lambda i, so_far: so_far + weights[i] * inputs[i], start)
 
 
 def policy(
