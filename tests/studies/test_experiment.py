@@ -25,7 +25,7 @@ class Lifted(Sharing):
 
 
 def test_a_record_names_what_did_the_work_of_a_worlds_kernels(monkeypatch):
-    monkeypatch.setattr(native, "implementation", lambda kernel: f"{kernel} by hand")
+    monkeypatch.setattr(native, "implementation", lambda kernel, _: f"{kernel} by hand")
     experiment = Experiment("lifted", "1", Lifted, QLearning, "world.agents", {"few": 2})
     (case,) = experiment.cases(experiment.plans(smoke={"updates": 3, "trials": 5})["smoke"])
     context = Halting()

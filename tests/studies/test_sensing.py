@@ -78,7 +78,7 @@ def test_the_thesis_plan_is_section_5_4():
 
 
 def test_a_record_names_what_did_the_work_of_the_physics(monkeypatch):
-    monkeypatch.setattr(native, "implementation", lambda kernel: f"{kernel} by hand")
+    monkeypatch.setattr(native, "implementation", lambda kernel, _: f"{kernel} by hand")
     (case,) = cases("smoke", *ONE)
     context = Halting()
     with pytest.raises(Halted):
