@@ -4,6 +4,7 @@ import ctypes
 import os
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jax
 
@@ -35,7 +36,6 @@ def target(symbol: str, choice: str = "auto") -> str | None:
 def _registered(symbol: str, which: str) -> str:
     library = ctypes.CDLL(str(LIBRARIES / f"beams3d_{which}.so"))
     name = f"{symbol}_{which}"
-    jax.ffi.register_ffi_target(
-        name, jax.ffi.pycapsule(getattr(library, symbol)), platform="cpu"
-    )
+    ffi: Any = jax.ffi
+    ffi.register_ffi_target(name, ffi.pycapsule(getattr(library, symbol)), platform="cpu")
     return name

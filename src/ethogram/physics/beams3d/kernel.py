@@ -70,9 +70,7 @@ def simulation(name: str, floor: bool, steps_in_jax: Any) -> Any:
 
 
 @cache
-def _simulation(
-    name: str, floor: bool, bodies: bool, robots_first: bool, steps_in_jax: Any
-) -> Any:
+def _simulation(name: str, floor: bool, bodies: bool, robots_first: bool, steps_in_jax: Any) -> Any:
     """The simulation of arrays of a layout; see `call`."""
 
     def steps(*arguments: Any) -> State:
@@ -166,7 +164,7 @@ def call(
     numbers = partial(constants, dtype=edge.dtype)
     after = jax.ffi.ffi_call(
         name,
-        [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in before],
+        before,  # of whose shapes and types the results are
         input_output_aliases={place: place for place in range(len(before))},
     )(
         *before,

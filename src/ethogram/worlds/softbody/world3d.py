@@ -241,7 +241,9 @@ class SoftBody3D(World):
     ) -> State:
         """Limit the edges commanded (m) and let the physics take a step; for batches, too."""
         edges = jnp.clip(edge, *self._edges)
-        return simulate(self.body, self.material, state, edges[None], gravity[None], kernel=self.kernel)
+        return simulate(
+            self.body, self.material, state, edges[None], gravity[None], kernel=self.kernel
+        )
 
     def distance(self, start: State, end: State) -> Float[Array, "*batch"]:
         """How far the centre of mass got along +x (m): over an episode, its return."""
