@@ -12,6 +12,12 @@ block holds are simulated in a block of their own size, and not filled up with c
 which is how a campaign uses the machine.  The loop in NumPy takes one bond and one voxel after the
 other: it is the one that the tests hold the physics against (`tests/oracles/beams3d.py`), with the
 waves of a non-sensing controller, and its robot must get as far as ours.
+
+A second table sets the kernels for this processor beside JAX, on one core, each in a process of its
+own, one after the other, per second of processor time, so that others on the machine matter less:
+the physics alone with edges given beforehand, for 256 robots and for one; whole simulations with
+non-sensing and with sensing controllers; and a rollout through `World.step`, in which every robot
+has a network of its own.
 """
 
 import argparse
@@ -28,6 +34,8 @@ BODIES = {"worm": "worm", "tripod": "tripod", "4x4x3": "|".join(["/".join(["####
 ROBOTS = (1, 32, 256, 2048)
 KINDS = ("non-sensing", "sensing")
 STEPS, SECONDS = 200, 1.5  # of a simulation; of a measurement, at least
+KERNELS = ("x86-64-v4", "x86-64-v3", "x86-64", "portable")
+HIDDEN = 32  # of the network of a rollout
 LOOPED = 200  # steps of the loop in NumPy
 PATIENCE = 300.0  # seconds that a process waits for the others
 THESIS_VOXEL_STEPS = 3 * 2 * 2 * 30 * 6230 * 10_000 * 6  # six voxels on average
@@ -101,6 +109,101 @@ def looped(body: str, core: int) -> float:
     return LOOPED * len(cells) / spent
 
 
+def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
+    """Voxel-steps per second of processor time by a kernel, or by JAX ("none").
+
+    None if the kernel cannot be used here.
+    """
+    os.sched_setaffinity(0, {core})
+    import equinox as eqx
+    import jax
+    import jax.numpy as jnp
+
+    from ethogram.core.errors import EthogramError
+    from ethogram.core.rollout import rollout
+    from ethogram.physics import native
+    from ethogram.physics.beams3d import simulate as physics
+    from ethogram.worlds.softbody import SoftBody3D
+    from ethogram.worlds.softbody.controllers import NonSensing, Sensing
+    from ethogram.worlds.softbody.gravity import schedule
+    from ethogram.worlds.softbody.simulation import simulate
+
+    try:
+        if (native.variant(kernel) or "none") != kernel:
+            return None
+    except EthogramError:
+        return None
+    world, robots = SoftBody3D(body=body, kernel=kernel), 256
+    voxels = len(world.cells)
+    gravity, keys = schedule("even", STEPS), jax.random.split(jax.random.key(0), robots)
+    phase = jax.random.uniform(jax.random.key(0), (voxels, robots), minval=-3.0, maxval=3.0)
+    edges = 0.01 * (1 + 0.1 * jnp.sin(0.0358 * jnp.arange(STEPS)[:, None, None] + phase))
+    controllers = NonSensing(voxels), Sensing(voxels)
+    genes = [
+        jax.random.uniform(jax.random.key(1), (each.search_space.size, robots), minval=-1.0)
+        for each in controllers
+    ]
+    inputs = world.roles["robot"].observation.shape[0]
+    networks = tuple(
+        0.1 * jax.random.normal(jax.random.key(2), (robots, *shape))
+        for shape in ((inputs, HIDDEN), (HIDDEN, voxels))
+    )
+
+    @eqx.filter_jit
+    def alone(world, edges):
+        start = world.at_rest(edges.shape[2:])
+        return physics(
+            world.body, world.material, start, edges, gravity, kernel=world.kernel
+        ).position
+
+    @eqx.filter_jit
+    def rolled(world, networks):
+        def run(key, first, second):
+            def policy(_, observation):
+                out = jnp.tanh(jax.nn.relu(observation["robot"] @ first) @ second)
+                return {"robot": world.material.edge * (1 + 0.1 * out)}
+
+            return rollout(world, policy, key, STEPS, keep=lambda t: t.outcome.reward["robot"])[1]
+
+        return jax.vmap(run)(keys, *networks)
+
+    whole = eqx.filter_jit(lambda *of: simulate(*of).distance)
+
+    def rate(go, *arguments, of=robots):
+        go(*arguments).block_until_ready()
+        began, episodes = time.process_time(), 0
+        while time.process_time() - began < SECONDS:
+            go(*arguments).block_until_ready()
+            episodes += 1
+        return episodes * STEPS * of * voxels / (time.process_time() - began)
+
+    return {
+        "physics, 256 robots": rate(alone, world, edges),
+        "physics, one robot": rate(alone, world, edges[..., 0], of=1),
+        "non-sensing": rate(whole, world, controllers[0], genes[0], gravity),
+        "sensing": rate(whole, world, controllers[1], genes[1], gravity),
+        "rollout": rate(rolled, world, networks),
+    }
+
+
+def kernels_beside_jax() -> list[dict[str, object]]:
+    """The second table: a row per body and kernel."""
+    rows = []
+    for name in ("tripod", "4x4x3"):
+        in_jax = in_process(beside_jax, BODIES[name], "none", 0)
+        for kernel in KERNELS:
+            found = in_process(beside_jax, BODIES[name], kernel, 0)
+            if found is None:
+                continue
+            if not rows:
+                print("\n| body | kernel |", " | ".join(found), "|")
+                print("| --- | --- |" + " ---: |" * len(found))
+            figures = (f"{found[of] / 1e6:.1f} M/s ({found[of] / in_jax[of]:.1f}x)" for of in found)
+            print(f"| {name} | {kernel} |", " | ".join(figures), "|", flush=True)
+            rows.append({"body": name, "kernel": kernel, "rates": found, "jax": in_jax})
+    return rows
+
+
 def side_by_side(cores: int, body: str, kind: str) -> list[float]:
     """The sum over processes that measure at the same time, for each number of robots."""
     context = multiprocessing.get_context("spawn")
@@ -110,10 +213,10 @@ def side_by_side(cores: int, body: str, kind: str) -> list[float]:
         return [sum(same) for same in zip(*(job.result() for job in jobs), strict=True)]
 
 
-def alone(body: str) -> float:
-    """The loop in NumPy, in a process of its own."""
+def in_process(measure, *arguments):
+    """What a function measures in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(looped, body, 0).result()
+        return pool.submit(measure, *arguments).result()
 
 
 def main() -> None:
@@ -131,7 +234,7 @@ def main() -> None:
     print("| --- | ---: |" + " ---: |" * (len(columns) + 1))
     rows = []
     for name, body in BODIES.items():
-        loop = alone(body)
+        loop = in_process(looped, body, 0)
         each = [side_by_side(cores, body, kind) for kind in KINDS for cores in (1, options.cores)]
         for robots, *found in zip(ROBOTS, *each, strict=True):
             figures = " | ".join(f"{rate / 1e6:.2f} M/s" for rate in found)
@@ -150,10 +253,10 @@ def main() -> None:
         "slowest figure of worm and tripod with 256 robots on all cores. The plan `thesis`, in "
         f"which sensing controllers have two output laws: {1.5 * hours:.1f} h."
     )
+    kernels = kernels_beside_jax()
     if options.json:
-        options.json.write_text(
-            json.dumps({"cores": options.cores, "python": sys.version.split()[0], "rows": rows})
-        )
+        about = {"cores": options.cores, "python": sys.version.split()[0]}
+        options.json.write_text(json.dumps(about | {"rows": rows, "kernels": kernels}))
 
 
 if __name__ == "__main__":

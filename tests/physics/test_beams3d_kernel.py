@@ -1,7 +1,12 @@
 """The kernel written by hand does what the steps in JAX do, whichever of its variants runs."""
 
 import dataclasses
+import os
+import shutil
+import subprocess
+import sys
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -92,7 +97,7 @@ def robots(state: State, which: Any) -> State:
 
 @pytest.mark.parametrize("kernel", USABLE)
 def test_a_kernel_moves_all_of_a_state_as_jax_does(kernel: str) -> None:
-    """A ring that closes on itself: bends large and small, contacts, friction; a block and a bit."""
+    """A ring that closes on itself: bends large and small, contacts, friction; two blocks."""
     shape, steps, count = body(RING), 300, 19
     start, edges = at_rest(shape, Material(), (count,)), waves(shape, steps, count)
     found = moved(shape, start, edges, pulls(steps), kernel=kernel)
@@ -165,7 +170,6 @@ def compare_random_bodies(bodies: int, voxels: int, steps: int, every: int) -> N
                 break
         else:
             np.testing.assert_array_equal(ours.diverged, theirs.diverged)
-    print(parted)
     assert len(parted) <= bodies // 10, f"body, voxels, step and distance: {parted}"
 
 
@@ -396,3 +400,79 @@ def test_the_kernel_itself_refuses_what_is_wrong() -> None:
     ):
         with pytest.raises(Exception, match=message):
             jax.block_until_ready(call(name, *arguments, floor=True).position)
+
+
+def test_other_platforms_than_cpus_get_the_steps_in_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ethogram.physics.beams3d import simulate as module
+
+    shape = body([(0, 0, 0), (1, 0, 0)])
+    start, edges, gravity = at_rest(shape, Material()), jnp.full((1, 2), 0.01), pulls(1)
+    monkeypatch.setattr(sys.modules[module.__module__], "backends", lambda: ["cpu", "cuda"])
+
+    def run(edges: Array) -> Array:
+        return simulate(shape, Material(), start, edges, gravity, kernel=BEST).position
+
+    traced = jax.jit(jax.vmap(run)).trace(jnp.stack([edges, edges]))
+    programs = {
+        platform: traced.lower(lowering_platforms=(platform,)).as_text()
+        for platform in ("cpu", "cuda")
+    }
+    assert "ethogram_beams3d" in programs["cpu"]
+    assert "ethogram_beams3d" not in programs["cuda"]
+
+
+CHECKED = """
+import ctypes, sys
+import jax, pytest
+from ethogram.physics.beams3d import kernel
+
+library = ctypes.CDLL(sys.argv[1])
+for symbol in kernel.SYMBOLS.values():
+    function = jax.ffi.pycapsule(getattr(library, symbol))
+    jax.ffi.register_ffi_target(f"checked_{symbol}", function, platform="cpu")
+plain = kernel.target
+
+def target(dtype, choice):
+    found = plain(dtype, choice)
+    return found and f"checked_{kernel.SYMBOLS[jax.numpy.dtype(dtype).name]}"
+
+kernel.target = target
+imported = "ignore::pytest.PytestAssertRewriteWarning"  # jaxtyping, before pytest could
+sys.exit(pytest.main([sys.argv[2], "-k", "not derivatives", "-W", imported]))
+"""
+
+
+@pytest.mark.slow
+def test_a_build_that_checks_memory_and_arithmetic_finds_nothing(tmp_path: Path) -> None:
+    """All fast tests of this file, under the address and the undefined behaviour sanitizer."""
+    root = Path(__file__).parents[2]
+    source, compiler = root / "kernels" / "beams3d.cpp", shutil.which("g++")
+    if compiler is None or not source.is_file():
+        pytest.skip("there is no g++, or no source of the kernel")
+    library, march = tmp_path / "checked.so", FUSED[-1] if FUSED else "x86-64"
+    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-O1", "-g")
+    flags = ("-std=c++17", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC")
+    include = ("-I", str(root / "kernels" / "vendored"), "-I", jax.ffi.include_dir())
+    build = [compiler, *sanitize, *flags, "-Wno-psabi", f"-march={march}", *include, str(source)]
+    subprocess.run([*build, "-o", str(library)], check=True, timeout=300)
+    first = [  # the second for the exceptions of others, which the first looks for at the start
+        subprocess.check_output([compiler, f"-print-file-name={name}"], text=True).strip()
+        for name in ("libasan.so", "libstdc++.so")
+    ]
+    environment = os.environ | {
+        "LD_PRELOAD": " ".join(first),
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PYTHONPATH": os.pathsep.join([str(root / "src"), str(root)]),
+    }
+    script = tmp_path / "checked.py"
+    script.write_text(CHECKED)
+    run = subprocess.run(
+        [sys.executable, str(script), str(library), __file__],
+        env=environment,
+        cwd=root,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+    )
+    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-3000:]
+    assert "passed" in run.stdout

@@ -1,8 +1,8 @@
 """The physics follows the simulator that the thesis used, step by step."""
 
 import json
-from pathlib import Path
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax

@@ -164,7 +164,7 @@ def call(
     numbers = partial(constants, dtype=edge.dtype)
     after = jax.ffi.ffi_call(
         name,
-        [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in before],
+        before,  # of whose shapes and types the results are
         input_output_aliases={place: place for place in range(len(before))},
     )(
         *before,

@@ -2,8 +2,8 @@
 
 `simulate` is the one way from controllers to distances.  Robots lie side by side as the last axis;
 `jax.vmap` over sets of robots, as over runs of an evolution, makes one longer row of them.  Every
-step of the physics goes through `ethogram.physics.beams3d.simulate`, behind which a kernel may
-stand; controllers, sensors and laws of a user's own stay in JAX.
+step of the physics goes through `ethogram.physics.beams3d.simulate`, by the kernel that the world
+names; controllers, sensors and laws of a user's own stay in JAX.
 """
 
 from collections.abc import Callable
@@ -54,8 +54,8 @@ def simulate(
     flagged, and the others go on as if it were not there.  Robots are simulated in blocks, the last
     one filled up with copies: so their state stays in the processor's cache, and where a robot goes
     does not depend, to the last bit, on how many others there are, which one it is, or what is
-    recorded.  Blocks of another size are rounded otherwise, and a sensing robot then soon goes
-    another way.
+    recorded.  Blocks of another size are rounded otherwise, by JAX if not by the kernel, and a
+    sensing robot then soon goes another way.
 
     Args:
         world: the body and its surroundings.
