@@ -183,9 +183,12 @@ def from_starts(at, runs=4):
     return record
 
 
-def test_a_distance_is_the_mean_over_validation_starts_where_there_are_any():
+def test_a_distance_is_the_mean_over_validation_starts_where_fitness_was_a_mean_too():
     data = from_starts(sensing("worm", "tanh", "even"))["results"]
     np.testing.assert_allclose(measure.distance("fitness")(data), 50)
+    data.attrs["starts"] = 1
+    np.testing.assert_allclose(measure.distance("fitness")(data), 100)
+    np.testing.assert_allclose(measure.over_starts("fitness")(data), 50)
     np.testing.assert_allclose(measure.from_rest("fitness")(data), 100)
     np.testing.assert_allclose(measure.trained(data), 100)
     np.testing.assert_allclose(measure.start_spread("fitness")(data), 5 * np.sqrt(2 / 3))

@@ -1,7 +1,7 @@
 """The measures of the chapter, one number per run, taken from stored records.
 
-Distances are in mm.  Where the best robots started again from validation starts, a distance is the
-mean over these, else that from rest; behaviours are always those from rest.  A run whose best robot
+Distances are in mm.  Where fitness was a mean over starts, a distance is the mean over validation
+starts, else that from rest; behaviours are always those from rest.  A run whose best robot
 diverged has no finite distance: means leave it out, tables say so, and a claim that needs it is
 left undecided.
 """
@@ -95,11 +95,24 @@ class Results(chapter.Results[Condition]):
 
 
 def distance(scenario: str) -> Measure:
-    """How far the best robot of each run goes (mm): a mean over validation starts, if any."""
+    """How far the best robot of each run goes (mm), from rest or on average over fresh starts."""
 
     def measure(data: xr.Dataset) -> np.ndarray:
-        if VALIDATED not in data:
-            return from_rest(scenario)(data)
+        chosen = over_starts if is_over_starts(data) else from_rest
+        return chosen(scenario)(data)
+
+    return measure
+
+
+def is_over_starts(data: xr.Dataset) -> bool:
+    """Whether a distance is the mean over validation starts: where fitness was a mean, too."""
+    return VALIDATED in data and int(data.attrs["starts"]) > 1
+
+
+def over_starts(scenario: str) -> Measure:
+    """How far the best robot of each run goes on average over validation starts (mm)."""
+
+    def measure(data: xr.Dataset) -> np.ndarray:
         return _from_starts(data, scenario).mean(1)
 
     return measure

@@ -31,6 +31,8 @@ from ethogram.studies.sensing.results import (
     distance,
     diverged,
     from_rest,
+    is_over_starts,
+    over_starts,
     ratio,
     ratios_above_one,
     sound,
@@ -178,7 +180,7 @@ def _starts(results: Results) -> Table:
     for at, data in results.by_condition.items():
         if VALIDATED not in data:
             continue
-        measures = trained, from_rest(FITNESS), distance(FITNESS)
+        measures = trained, from_rest(FITNESS), over_starts(FITNESS)
         spread = sound(results.trials(start_spread(FITNESS), at)).values
         rows.append(
             (
@@ -326,8 +328,8 @@ def _p_values(results: Results, places: Sequence[Place]) -> Mapping[Place, tuple
 
 
 def _mean_over_starts(results: Results, places: Sequence[Place]) -> str:
-    """What a distance is where there are validation starts."""
-    if not any(VALIDATED in results.by_condition[at] for _, at in places):
+    """What a distance is where fitness is a mean over starts."""
+    if not any(is_over_starts(results.by_condition[at]) for _, at in places):
         return ""
     return " A distance, and a fitness, is the mean over fresh starts (see below)."
 
