@@ -2,8 +2,8 @@
 
 Reading and writing entries of a vector becomes, in a batch, that of a matrix, which XLA on a CPU
 does some twenty times as slowly.  `take`, `put`, `add` and `least` read and write a batch as the
-one long vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never negative; what
-is written beyond the end is dropped.
+one long vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never
+negative; what is written beyond the end is dropped.
 
 A condition or a loop becomes, in a batch, all branches and a choice between all that they return.
 With `in_any_copy` it is asked once for the whole batch.

@@ -15,15 +15,15 @@ The models give an acceleration, any number; an action is one of three.  With `c
 driver brakes or accelerates fully with the chance |a| / a_max, at most 1, and else keeps its speed:
 its mean acceleration is the model's, as far as the car can do that.  With "nearest" it does what is
 nearest.  A desired speed of 13 m/s is that from which a car stops (at a_max = 2 m/s^2) before an
-obstacle that comes into its view (d_view = 50 m); the models, made for roads that can be overlooked,
-brake in time only up to there.
+obstacle that comes into its view (d_view = 50 m); the models, made for roads that can be seen to
+their ends, brake in time only up to there.
 
 Distances are between the same points of two cars; a gap is a car's length less.  At a vertex a
 driver sees the nearest car on any way on, as all drivers do.
 """
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,111 +35,14 @@ from ethogram.core.errors import InvalidSettings
 from ethogram.core.keys import branch, random_words, unit
 from ethogram.core.module import Module
 from ethogram.core.settings import Fraction, Number, Positive, setting
-from ethogram.worlds.traffic.observation import LANES, OWN
-from ethogram.worlds.traffic.world import CHOICES, Traffic
+from ethogram.worlds.traffic.driving import Body, Car, Choice, View, as_body, in_lane
+from ethogram.worlds.traffic.observation import LANES
 
-Choice = Literal["random", "nearest"]
 NotNegative = Annotated[float, Field(ge=0)]
 
 RIGHT, STRAIGHT, LEFT = range(len(LANES))  # entries of what is seen
 DESIRED_SPEED = 13.0  # m/s
 LEAST_GAP = 0.1  # m: a model of following divides by no smaller one
-
-
-class Car(NamedTuple):
-    """What a driver knows of another car, or of its own with that one ahead; arrays of one shape."""
-
-    gap: Array  # m, from bumper to bumper; that to nobody is infinite
-    speed: Array  # m/s
-
-
-class View(NamedTuple):
-    """An observation in metres and metres per second."""
-
-    stop: Float[Array, "car"]  # distance to the next element
-    lane: Int[Array, "car"]
-    speed: Float[Array, "car"]
-    on_section: Bool[Array, "car"]
-    ahead: Car  # of each car and relative lane
-    behind: Car | None  # of drivers that see behind
-    lanes: int  # that a section has at most
-
-
-class Body(Module):
-    """What a driver must know of its car and its world to read observations and to act."""
-
-    largest: Float[Array, "feature"]  # the end of each entry's range
-    acceleration: Number  # a_max, m/s^2
-    car_length: Number  # m
-    view_distance: Number  # m
-    top_speed: Number  # m/s
-    intersection_speed: Number  # m/s
-    time_step: Number  # s
-    lanes: int = eqx.field(static=True)
-    scale: bool = eqx.field(static=True)
-    joint_action: bool = eqx.field(static=True)
-
-    def view(self, observation: Float[Array, "car feature"]) -> View:
-        """Read an observation, scaled or not."""
-        features = observation.shape[1]
-        values = observation * self.largest[:features] if self.scale else observation
-        lane = jnp.round(observation[:, 1] * max(1, self.lanes - 1)) + 1
-        speed = values[:, 2]
-        others = [self._others(values[:, first:], speed) for first in range(OWN, features, 6)]
-        return View(
-            stop=values[:, 0],
-            lane=(lane if self.scale else observation[:, 1]).astype(jnp.int32),
-            speed=speed,
-            on_section=observation[:, 4] > 0.5,
-            ahead=others[0],
-            behind=others[1] if len(others) > 1 else None,
-            lanes=self.lanes,
-        )
-
-    def _others(self, values: Float[Array, "car rest"], speed: Float[Array, "car"]) -> Car:
-        distance, relative = values[:, : len(LANES)], values[:, len(LANES) : 2 * len(LANES)]
-        nobody = distance >= self.view_distance * (1 - 1e-6)
-        gap = jnp.where(nobody, jnp.inf, distance - self.car_length)
-        return Car(gap, jnp.where(nobody, speed[:, None], speed[:, None] - relative))
-
-    def act(
-        self, key: Key[Array, ""], acceleration: Float[Array, "car"], steer: Any, choice: Choice
-    ) -> Array:
-        """The action for an acceleration in m/s^2, and a change of lane (-1, 0, 1)."""
-        wish = jnp.clip(acceleration / self.acceleration, -1.0, 1.0)
-        if choice == "random":
-            size = (unit(random_words(key, len(wish))) < jnp.abs(wish)).astype(jnp.int32)
-        else:
-            size = jnp.round(jnp.abs(wish)).astype(jnp.int32)
-        accelerate = 1 + jnp.sign(wish).astype(jnp.int32) * size
-        steer = 1 + jnp.broadcast_to(steer, wish.shape).astype(jnp.int32)
-        if self.joint_action:
-            return CHOICES * accelerate + steer
-        return jnp.stack([accelerate, steer], -1)
-
-
-def body_of(world: Traffic) -> Body:
-    """What drivers must know of a world."""
-    return Body(
-        largest=world.ranges(sees_behind=True),
-        acceleration=world.acceleration,
-        car_length=world.car_length,
-        view_distance=world.view_distance,
-        top_speed=world.top_speed,
-        intersection_speed=world.allowed_speed,
-        time_step=world.time_step,
-        lanes=world.graph.max_lanes,
-        scale=world.scale,
-        joint_action=world.joint_action,
-    )
-
-
-def _body(given: Traffic | Body) -> Body:
-    return body_of(given) if isinstance(given, Traffic) else given
-
-
-def _in(others: Car, lane: int) -> Car:
-    return Car(others.gap[:, lane], others.speed[:, lane])
 
 
 class Follower(Module):
@@ -166,7 +69,7 @@ class Follower(Module):
     def __call__(self, key: Key[Array, ""], observation: Float[Array, "car feature"]) -> Array:
         """Follow the nearest car ahead in the own lane."""
         view = self.body.view(observation)
-        acceleration = self.follow(view.speed, _in(view.ahead, STRAIGHT))
+        acceleration = self.follow(view.speed, in_lane(view.ahead, STRAIGHT))
         acceleration = acceleration + self.noise(branch(key, 0), view.speed)
         return self.body.act(branch(key, 1), acceleration, 0, self.choice)
 
@@ -186,7 +89,7 @@ class IDM(Follower):
 
     """
 
-    body: Body = eqx.field(converter=_body)
+    body: Body = eqx.field(converter=as_body)
     desired_speed: Number = setting(DESIRED_SPEED, Positive)
     time_headway: Number = setting(1.6, NotNegative)
     comfortable_acceleration: Number = setting(0.73, Positive)
@@ -221,7 +124,7 @@ class Krauss(Follower):
 
     """
 
-    body: Body = eqx.field(converter=_body)
+    body: Body = eqx.field(converter=as_body)
     desired_speed: Number = setting(DESIRED_SPEED, Positive)
     max_acceleration: Number = setting(2.6, Positive)
     deceleration: Number = setting(4.5, Positive)
@@ -288,7 +191,7 @@ class MOBIL(Module):
             raise InvalidSettings(
                 "MOBIL: an observation without the cars behind; allowed: the role 'human'."
             )
-        acceleration = self.model.follow(view.speed, _in(view.ahead, STRAIGHT))
+        acceleration = self.model.follow(view.speed, in_lane(view.ahead, STRAIGHT))
         acceleration = acceleration + self.model.noise(branch(key, 0), view.speed)
         return body.act(branch(key, 1), acceleration, self.lane_change(view), choice)
 
@@ -306,8 +209,8 @@ class MOBIL(Module):
         assert view.behind is not None
         follow, own_length = self.model.follow, self.model.body.car_length
         me = view.speed
-        ahead, new_ahead = _in(view.ahead, STRAIGHT), _in(view.ahead, lane)
-        old, new = _in(view.behind, STRAIGHT), _in(view.behind, lane)
+        ahead, new_ahead = in_lane(view.ahead, STRAIGHT), in_lane(view.ahead, lane)
+        old, new = in_lane(view.behind, STRAIGHT), in_lane(view.behind, lane)
         gain = follow(me, new_ahead) - follow(me, ahead)
         others = jnp.zeros_like(gain)
         # of each follower: before and after, its leader is the car itself or the one ahead of it
@@ -332,7 +235,7 @@ class ConstantSpeed(Module):
 
     """
 
-    body: Body = eqx.field(converter=_body)
+    body: Body = eqx.field(converter=as_body)
     speed: Number = setting(10.0, NotNegative)
 
     def __call__(self, key: Key[Array, ""], observation: Float[Array, "car feature"]) -> Array:
@@ -354,7 +257,7 @@ class Obedient(Module):
 
     """
 
-    body: Body = eqx.field(converter=_body)
+    body: Body = eqx.field(converter=as_body)
 
     def __call__(self, key: Key[Array, ""], observation: Float[Array, "car feature"]) -> Array:
         """The highest speed that is allowed, in the rightmost free lane."""
@@ -390,7 +293,7 @@ class Reckless(Module):
 
     """
 
-    body: Body = eqx.field(converter=_body)
+    body: Body = eqx.field(converter=as_body)
 
     def __call__(self, key: Key[Array, ""], observation: Float[Array, "car feature"]) -> Array:
         """Full acceleration, and a change of lane where somebody is ahead."""

@@ -59,8 +59,7 @@ class Graph:
     places: tuple[tuple[float, float], ...] = field(default=(), compare=False)  # of vertices, m
 
     def __post_init__(self) -> None:
-        """Read sections given as plain tuples, and check them."""
-        object.__setattr__(self, "sections", _as_sections(self.sections))
+        """Check the sections."""
         for number, section in enumerate(self.sections):
             _check_section(number, section)
         self._check_vertices()
@@ -168,7 +167,7 @@ def as_graph(given: Any) -> Graph:
         if given not in GRAPHS:
             raise UnknownName("graph", given, GRAPHS)
         return _by_name(given)
-    return Graph(given)
+    return Graph(_as_sections(given))
 
 
 @cache

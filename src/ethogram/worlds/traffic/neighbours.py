@@ -56,7 +56,7 @@ def queue(state: State, road: Road) -> Queue:
     before = jnp.roll(rows, 1, 0)
     new_element = (rows[:, ELEMENT] != before[:, ELEMENT]).at[0].set(True)
     entry = jnp.where(new_element, rows[:, ELEMENT].astype(jnp.int32), elements + 1)
-    first = put(jnp.full(elements + 1, cars, jnp.int32), entry, jnp.arange(cars))
+    first = put(jnp.full(elements + 1, cars, jnp.int32), entry, jnp.arange(cars, dtype=jnp.int32))
     nobody = jnp.array([[jnp.inf, 0.0, -1.0]], at.dtype)
     return Queue(
         rank=rank,
@@ -71,7 +71,7 @@ def in_order(
     element: Int[Array, "car"], position: Float[Array, "car"]
 ) -> tuple[Int[Array, "car"], Int[Array, "car"]]:
     """The place of each car, by element, position and number; and the car at each place."""
-    number = jnp.arange(len(element))
+    number = jnp.arange(len(element), dtype=jnp.int32)
     if len(element) > FEW:
         order = lax.sort((element, position, number), num_keys=3)[2]
         return put(jnp.zeros_like(number), order, number), order
@@ -79,14 +79,14 @@ def in_order(
     tied = (position[:, None] == position) & (number[:, None] < number)
     same = element[:, None] == element
     before = (element[:, None] < element) | (same & (behind | tied))
-    rank = before.astype(jnp.int32).sum(0)
+    rank = before.sum(0, dtype=jnp.int32)
     return rank, put(jnp.zeros_like(number), rank, number)
 
 
 def next_true(flags: Bool[Array, "row place"]) -> Int[Array, "row after"]:
     """The first true place from each place on; the number of places if there is none."""
     count = flags.shape[-1]
-    place = jnp.arange(count)
+    place = jnp.arange(count, dtype=jnp.int32)
     if count > FEW:
         found = lax.cummin(jnp.where(flags, place, count), axis=1, reverse=True)
     else:
@@ -98,7 +98,7 @@ def next_true(flags: Bool[Array, "row place"]) -> Int[Array, "row after"]:
 def last_true(flags: Bool[Array, "row place"]) -> Int[Array, "row after"]:
     """The last true place before each place; the number of places if there is none."""
     count = flags.shape[-1]
-    place = jnp.arange(count)
+    place = jnp.arange(count, dtype=jnp.int32)
     if count > FEW:
         found = lax.cummax(jnp.where(flags, place, -1), axis=1)
     else:

@@ -24,8 +24,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Key, UInt32
+from jax import Array
+from jaxtyping import Bool, Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.batching import take
@@ -38,11 +38,12 @@ from ethogram.core.spaces import Box, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.traffic import dynamics
 from ethogram.worlds.traffic.collisions import Collision, aged, collided, contact
-from ethogram.worlds.traffic.graph import Graph, Name, Section, as_graph
+from ethogram.worlds.traffic.graph import Graph, Name, as_graph
 from ethogram.worlds.traffic.neighbours import Queue, queue
 from ethogram.worlds.traffic.observation import LANES, OWN, Sight, ahead, behind, observed
 from ethogram.worlds.traffic.rules import Braking, breaches
 from ethogram.worlds.traffic.scene import record
+from ethogram.worlds.traffic.start import PARTS, scattered
 from ethogram.worlds.traffic.state import Road, State
 
 Cars = Annotated[int, Field(ge=0, le=100_000)]
@@ -52,7 +53,6 @@ Revive = Literal["immune", "literal"]
 SpeedUnit = Literal["m/s", "km/h"]
 
 UNITS = {"m/s": 1.0, "km/h": 1 / 3.6}  # in m/s
-PARTS = 256  # of a metre, in which the places of cars at the start are counted
 CHOICES = 3  # of each part of an action: -1, 0, 1
 
 
@@ -228,7 +228,6 @@ class Traffic(World):
             present=present,
             time=jnp.int32(0),
         )
-        state = lax.optimization_barrier(state)  # as in a step
         return state, self.observe(state)
 
     def observe(self, state: State) -> PerRole:
@@ -241,7 +240,6 @@ class Traffic(World):
         road, driven = self._road, state.alive
         after = self._drive(key, state, action)
         restore = self.collided == "restored"
-        after = lax.optimization_barrier(after)  # else what is seen is rounded less than what is
         after = aged(after, restore=restore, immune=self.revive == "immune")
         line = queue(after, road)
         touching = contact(after, line, road, self.car_length, self.collision)
@@ -314,7 +312,7 @@ class Traffic(World):
         )
 
     def _drive(self, key: Key[Array, ""], state: State, action: PerRole) -> State:
-        chosen = jnp.concatenate([action[role] for role in self.roles])
+        chosen = jnp.concatenate([action[role] for role in self.roles]).astype(jnp.int32)
         if self.joint_action:
             chosen = jnp.stack([chosen // CHOICES, chosen % CHOICES], -1)
         accelerate, steer = chosen[:, 0] - 1, chosen[:, 1] - 1
@@ -363,7 +361,7 @@ class Traffic(World):
         largest = self.ranges(sees_behind=sees_behind)
         relative = _relative(len(largest))
         if self.scale:
-            return Box(np.where(relative, -1.0, 0.0), 1.0, largest.shape)
+            return Box(jnp.where(relative, -1.0, 0.0), 1.0, largest.shape)
         return Box(jnp.where(relative, -largest, 0.0), largest, largest.shape)
 
     def _observation(self, state: State, line: Queue, sight: Sight) -> PerRole:
@@ -385,37 +383,6 @@ class Traffic(World):
     def _by_role(self, values: Array) -> PerRole:
         parts = {"driver": values[: self.max_cars], "human": values[self.max_cars :]}
         return {role: part for role, part in parts.items() if len(part)}
-
-
-def scattered(
-    bits: UInt32[Array, "car"],
-    present: Bool[Array, "car"],
-    lengths: Float[Array, "section"],
-    gap: Number,
-) -> tuple[Int[Array, "car"], Float[Array, "car"]]:
-    """Sections, and places on them, uniform on all of them as one line, with gaps between cars.
-
-    Uniform places on a line shorter by a gap per car are moved on by a gap for each car before.
-    Computed in whole parts of a metre, so that there is no rounding.
-
-    Args:
-        bits: a random word per car.
-        present: whether it is there.
-        lengths: of the sections, m.
-        gap: that is left at least, m.
-
-    """
-    parts = jnp.floor(lengths * PARTS).astype(jnp.int32)
-    gap_parts = jnp.ceil(jnp.asarray(gap) * PARTS).astype(jnp.int32)
-    free = scaled(bits, parts.sum() - present.sum() * gap_parts)
-    number = jnp.arange(len(bits))
-    tied = (free[:, None] == free) & (number[:, None] < number)
-    before = ((free[:, None] < free) | tied) & present[:, None]
-    place = free + before.sum(0, dtype=jnp.int32) * gap_parts
-    ends = jnp.cumsum(parts)
-    section = (place >= ends[:-1, None]).sum(0, dtype=jnp.int32)
-    position = place - take(ends - parts, section)
-    return section, position.astype(lengths.dtype) / PARTS
 
 
 def _relative(features: int) -> np.ndarray:
