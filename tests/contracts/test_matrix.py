@@ -27,6 +27,7 @@ from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.policies import Ranking, Scrutiny
 from ethogram.worlds.sharing import Sharing
 from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.traffic import Traffic
 
 QUICK = {  # to compile, not to run
     "xla_backend_optimization_level": 0,
@@ -40,6 +41,7 @@ SMALL = {
     "publishing": SYSTEM,
     "sharing": Sharing(agents=2, steps=4),
     "softbody3d": SoftBody3D(body="#", steps=4),
+    "traffic": Traffic(cars=2, max_cars=2, steps=4),
 }
 
 

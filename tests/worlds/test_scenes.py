@@ -16,7 +16,7 @@ from tests.learners.toys import Market
 from ethogram.core.errors import EthogramError, TooLarge
 from ethogram.core.rollout import rollout, watch
 from ethogram.core.scene import Scene
-from ethogram.core.spaces import Discrete, Simplex
+from ethogram.core.spaces import Simplex
 from ethogram.worlds import WORLDS
 from ethogram.worlds.language import Language
 from ethogram.worlds.publishing.learnable import LearnablePublishing
@@ -38,8 +38,15 @@ SMALL = {  # settings, so that little is compiled; a world that is not here has 
     },
     "sharing": {"agents": 3, "steps": STEPS},
     "softbody3d": {"body": "#", "steps": STEPS},
+    "traffic": {"cars": 8, "max_cars": 9, "steps": STEPS},
 }
-FRAMES = {"language": STEPS + 1, "publishing": 2 * STEPS, "sharing": STEPS, "softbody3d": STEPS + 1}
+FRAMES = {
+    "language": STEPS + 1,
+    "publishing": 2 * STEPS,
+    "sharing": STEPS,
+    "softbody3d": STEPS + 1,
+    "traffic": STEPS,
+}
 
 
 def at_random(world):
@@ -54,13 +61,11 @@ def at_random(world):
 
 
 def drawn(key, role):
-    space, shape = role.action, (role.agents, *role.action.shape)
-    if isinstance(space, Discrete):
-        return jax.random.randint(key, shape, 0, space.n)
-    if isinstance(space, Simplex):
-        used = jnp.ones(space.n, bool) if space.used is None else space.used
-        return jax.nn.softmax(jnp.where(used, jax.random.normal(key, shape), -jnp.inf))
-    return jax.random.uniform(key, shape, minval=space.low, maxval=space.high)
+    if isinstance(role.action, Simplex):
+        used = jnp.ones(role.action.n, bool) if role.action.used is None else role.action.used
+        weights = jax.random.normal(key, (role.agents, role.action.n))
+        return jax.nn.softmax(jnp.where(used, weights, -jnp.inf))
+    return role.action.sample(key, role.agents)
 
 
 def played(world, steps):

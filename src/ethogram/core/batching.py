@@ -1,9 +1,9 @@
 """What keeps a batch of worlds, made by `jax.vmap`, as fast as its worlds one by one.
 
 Reading and writing entries of a vector becomes, in a batch, that of a matrix, which XLA on a CPU
-does some twenty times as slowly.  `take`, `put` and `add` read and write a batch as the one long
-vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never negative; what
-is written beyond the end is dropped.
+does some twenty times as slowly.  `take`, `put`, `add` and `least` read and write a batch as the
+one long vector that it is in memory; `take` reads rows of a matrix, too.  Indices are never
+negative; what is written beyond the end is dropped.
 
 A condition or a loop becomes, in a batch, all branches and a choice between all that they return.
 With `in_any_copy` it is asked once for the whole batch.
@@ -44,6 +44,14 @@ def add(
     return values.at[index].add(amount, mode="drop", wrap_negative_indices=False)
 
 
+@custom_vmap
+def least(
+    values: Shaped[Array, "entry"], index: Int[Array, "*at"], bound: Shaped[Array, "*at"]
+) -> Shaped[Array, "entry"]:
+    """The vector with these entries lowered to a bound, of one place to the least of all."""
+    return values.at[index].min(bound, mode="drop", wrap_negative_indices=False)
+
+
 @take.def_vmap
 def _take_in_batch(
     size: int, batched: list[bool], values: Array, index: Array
@@ -77,6 +85,7 @@ def _in_batch(write: Any) -> Any:
 
 put.def_vmap(_in_batch(put))
 add.def_vmap(_in_batch(add))
+least.def_vmap(_in_batch(least))
 
 
 @custom_vmap

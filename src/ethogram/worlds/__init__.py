@@ -16,5 +16,6 @@ WORLDS: "Registry[type[World]]" = Registry(
         "publishing": "ethogram.worlds.publishing:Publishing",
         "sharing": "ethogram.worlds.sharing:Sharing",
         "softbody3d": "ethogram.worlds.softbody:SoftBody3D",
+        "traffic": "ethogram.worlds.traffic:Traffic",
     },
 )
