@@ -1,7 +1,11 @@
 """What every test shares: arrays are checked against their annotated shapes and types.
 
-Hypothesis works without time limits, since JAX compiles on a first call.
+Hypothesis works without time limits, since JAX compiles on a first call.  Most of the time of the
+fast tests is that of compiling small programs that run for a moment, so XLA is told not to optimise
+them; slow tests and benchmarks get what users get.
 """
+
+import os
 
 import pytest
 import tests.typechecking
@@ -19,8 +23,15 @@ ARRAYS = (
 
 install_import_hook(ARRAYS, f"{tests.typechecking.__name__}.check")
 
+UNOPTIMISED = "--xla_backend_optimization_level=0"
+
 settings.register_profile("ethogram", deadline=None, derandomize=True)
 settings.load_profile("ethogram")
+
+
+def pytest_configure(config):
+    if config.option.markexpr == "not slow":
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {UNOPTIMISED}".strip()
 
 
 @pytest.fixture
