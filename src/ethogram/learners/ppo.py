@@ -18,23 +18,22 @@ Presets, and where they differ from their sources:
   implementation details of PPO").  Differences: Adam's epsilon is 1e-8, not 1e-5; the value's error
   is not halved and not clipped; nothing is annealed, unless a schedule says so.
 - `rllib08`: the default configuration of RLlib 0.8, which the thesis names, with the networks that
-  its section 4.3.4 describes (2 x 256 tanh, Xavier's first weights, one trunk for actor and critic;
-  RLlib's own default has two trunks and weights of another distribution), gamma 0.999, and a
-  policy shared by all drivers.  A batch is 8 episodes, which are 4000 steps of 500-step episodes,
-  with 40 drivers 160 000 samples and 37 500 steps of Adam: meant for a GPU.  Differences: batches
-  begin with new episodes, RLlib's workers go on with theirs; a `truncated` episode is worth what the
-  critic says of its end, where RLlib takes every end for a termination; deviations of `Box` actions
-  are parameters, not outputs, and their means are in halves of the box; the KL of an update is that
-  of its last epoch, of one learner.
-- `thesis`: the same objective where 2 cores have to do.  Differences from `rllib08`: a batch is 1
-  episode (500 steps of 40 drivers are 20 000 samples), a minibatch 2000 samples, 10 epochs (100 steps
-  of Adam an update), a learning rate ten times as high (5e-4) for so many fewer steps, and networks
-  of 2 x 64.
+  its section on drivers describes (2 x 256 tanh, Xavier's first weights, one trunk for actor and
+  critic; RLlib's own default has two trunks and weights of another distribution), and gamma 0.999.
+  A batch is 8 episodes; of 500 steps with 40 drivers these are 160 000 samples and 37 500 steps of
+  Adam: meant for a GPU.  Differences: batches begin with new episodes, where RLlib's workers go on
+  with theirs; an episode that is `truncated` is worth what the critic says of its end, where RLlib
+  takes every end for a termination; deviations of `Box` actions are parameters, not outputs, and
+  the actions are in halves of the box.
+- `thesis`: the same objective where two cores have to do.  Differences from `rllib08`: a batch is
+  1 episode (20 000 samples of 40 drivers in 500 steps), a minibatch 2000 samples, 10 epochs (100
+  steps of Adam an update), a learning rate ten times as high (5e-4) for so many fewer steps, and
+  networks of 2 x 64.
 
 Deviations from the paper:
 
-- Whole horizons are played side by side; an agent's episode that ends before is followed by another,
-  the last one is cut.  `fragment_steps` cuts advantages more often.
+- Whole horizons are played side by side; an agent's episode that ends before is followed by
+  another, and the last one is cut.  `fragment_steps` cuts advantages more often.
 - Advantages are standardised, over the batch or the minibatch.
 - beta is adapted by factors of 1.5 and 0.5 when the divergence is over twice or below half the
   target (RLlib), the paper's are 2 and 0.5 at 1.5 times and its inverse.
