@@ -189,18 +189,17 @@ def steps_of(learner, played, networks, before, after, number):
     return steps._replace(advantage=(steps.advantage - chosen.mean()) / chosen.std())
 
 
+@eqx.filter_jit
+def play(learner, key, state):
+    def act(key, observation):
+        return learner._act(state, key, observation)
+
+    return play_episodes(learner.world, act, key, learner.episodes_per_update)
+
+
 def replay(learner, key, state):
     """What an update plays with this key."""
-    for_play, _ = jax.random.split(key)
-
-    @eqx.filter_jit
-    def play(learner, key, state):
-        def act(key, observation):
-            return learner._act(state, key, observation)
-
-        return play_episodes(learner.world, act, key, learner.episodes_per_update)
-
-    return play(learner, for_play, state)
+    return play(learner, jax.random.split(key)[0], state)
 
 
 def steps_that_count(played, fragment_steps):
