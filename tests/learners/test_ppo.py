@@ -20,7 +20,7 @@ FAST = {"learning_rate": 0.02, "hidden_size": 8, "minibatch_size": 32, "epochs":
 
 
 class Darts(World):
-    """A dart that should hit the number it is told, from -2 to 4.  One step, and it is over."""
+    """Two players whose darts should hit the numbers they are told.  One step, and it is over."""
 
     @property
     def horizon(self):
@@ -28,10 +28,10 @@ class Darts(World):
 
     @property
     def roles(self):
-        return {"player": Role(1, Box(-1.0, 1.0, (1,)), Box(-2.0, 4.0, (1,)))}
+        return {"player": Role(2, Box(-1.0, 1.0, (1,)), Box(-2.0, 4.0, (1,)))}
 
     def reset(self, key):
-        told = jax.random.uniform(key, (1, 1), minval=-1.0)
+        told = jax.random.uniform(key, (2, 1), minval=-1.0)
         return told, {"player": told}
 
     def observe(self, state):
@@ -43,8 +43,8 @@ class Darts(World):
         return state, Outcome(
             observation={"player": state},
             reward={"player": -missed},
-            terminated={"player": jnp.ones(1, bool)},
-            truncated={"player": jnp.zeros(1, bool)},
+            terminated={"player": jnp.ones(2, bool)},
+            truncated={"player": jnp.zeros(2, bool)},
         )
 
 
@@ -59,10 +59,10 @@ def test_choices_and_chords_that_pay_are_found():
 
 @pytest.mark.parametrize("squash", [False, True])
 def test_numbers_in_a_box_are_found(squash):
-    learner = PPO(Darts(), episodes_per_update=128, squash=squash, **FAST)
+    learner = PPO(Darts(), episodes_per_update=64, squash=squash, **FAST)
     state, metrics = train(learner, KEY, 60)
     assert metrics["episode_return"]["player"][0].mean() < -2
-    told = jnp.linspace(-0.9, 0.9, 7)[:, None, None]
+    told = jnp.linspace(-0.9, 0.9, 8).reshape(4, 2, 1)
     hit = jax.vmap(learner.policy(state), (None, 0))(KEY, {"player": told})["player"]
     np.testing.assert_allclose(hit, 1 + 2 * told, atol=0.4)
 
@@ -83,10 +83,10 @@ def test_defaults_are_the_preset_modern():
 
 
 @pytest.fixture(scope="module")
-def choir():
-    """Two singers, each with a policy of its own, and a learning rate that falls to 0."""
+def darts():
+    """Two players, each with a policy of its own, and a learning rate that falls to 0."""
     return PPO(
-        Choir(stand=(0, 1), pay=(1.0, 2.0)),
+        Darts(),
         learning_rate=Linear(0.01, 0.0, 2),
         shared=False,
         hidden_size=4,
@@ -96,52 +96,52 @@ def choir():
 
 
 @pytest.fixture(scope="module")
-def start(choir):
-    return jax.jit(choir.init)(KEY)
+def start(darts):
+    return jax.jit(darts.init)(KEY)
 
 
-def run(choir, state, updates, **named):
-    return train(choir, KEY, updates, state=jax.tree.map(jnp.copy, state), **named)
+def run(darts, state, updates, **named):
+    return train(darts, KEY, updates, state=jax.tree.map(jnp.copy, state), **named)
 
 
 @pytest.fixture(scope="module")
-def trained(choir, start):
-    return run(choir, start, 4)
+def trained(darts, start):
+    return run(darts, start, 4)
 
 
 def test_metrics_are_of_each_agent(trained):
     for name in METRICS:
-        assert trained.metrics[name]["singer"].shape == (4, 2)
-    np.testing.assert_array_equal(trained.metrics["episode_return"]["singer"], [[[1, 2]] * 2] * 4)
+        assert trained.metrics[name]["player"].shape == (4, 2)
+    assert trained.metrics["episode_return"]["player"].shape == (4, 2, 2)
     assert trained.state.updates == 4
 
 
-def test_a_schedule_of_the_learning_rate_is_followed(choir, start, trained):
-    after = run(choir, start, 2).state.roles["singer"].network
-    assert eqx.tree_equal(after, trained.state.roles["singer"].network)  # by then the rate is 0
-    assert not eqx.tree_equal(after, start.roles["singer"].network)
+def test_a_schedule_of_the_learning_rate_is_followed(darts, start, trained):
+    after = run(darts, start, 2).state.roles["player"].network
+    assert eqx.tree_equal(after, trained.state.roles["player"].network)  # by then the rate is 0
+    assert not eqx.tree_equal(after, start.roles["player"].network)
 
 
-def test_a_run_that_is_taken_up_again_ends_alike(choir, start, trained):
-    half = run(choir, start, 1).state
-    assert eqx.tree_equal(run(choir, half, 4, start=1).state, trained.state)
+def test_a_run_that_is_taken_up_again_ends_alike(darts, start, trained):
+    half = run(darts, start, 1).state
+    assert eqx.tree_equal(run(darts, half, 4, start=1).state, trained.state)
 
 
-def test_a_loss_that_diverges_names_metric_agent_and_update(choir, start):
+def test_a_loss_that_diverges_names_metric_agent_and_update(darts, start):
     def weight(state):
-        return state.roles["singer"].network.critic.biases[-1]
+        return state.roles["player"].network.critic.biases[-1]
 
-    broken = eqx.tree_at(weight, start, weight(start).at[1].set(jnp.nan))  # of the second singer
-    said = r"^policy_loss\.singer\[1\] is not finite at update 7; after 7 updates all was\.$"
+    broken = eqx.tree_at(weight, start, weight(start).at[1].set(jnp.nan))  # of the second player
+    said = r"^policy_loss\.player\[1\] is not finite at update 7; after 7 updates all was\.$"
     with pytest.raises(Diverged, match=said):
-        run(choir, broken, 9, start=7)
+        run(darts, broken, 9, start=7)
 
 
-def test_a_trial_depends_on_its_own_key_alone(choir, start):
+def test_a_trial_depends_on_its_own_key_alone(darts, start):
     pair = jax.tree.map(lambda part: jnp.stack([part, part]), start)
-    both, _ = jax.jit(Trials(choir).update)(jax.random.split(KEY, 2), pair)
-    alone, _ = jax.jit(choir.update)(jax.random.split(KEY, 2)[1], start)
-    assert jnp.not_equal(*both.roles["singer"].network.actor.weights[0]).any()
+    both, _ = jax.jit(Trials(darts).update)(jax.random.split(KEY, 2), pair)
+    alone, _ = jax.jit(darts.update)(jax.random.split(KEY, 2)[1], start)
+    assert jnp.not_equal(*both.roles["player"].network.actor.weights[0]).any()
     for two, one in zip(jax.tree.leaves(both), jax.tree.leaves(alone), strict=True):
         np.testing.assert_allclose(two[1], one, rtol=1e-5, atol=1e-6)
 
