@@ -18,6 +18,7 @@ from ethogram.learners.distributions import epsilon_greedy, gumbel_softmax
 from ethogram.learners.dynamic_programming import MonteCarloControl
 from ethogram.learners.evolution import AgeFitness, Evaluation
 from ethogram.learners.maddpg import MADDPG
+from ethogram.learners.ppo import PPO
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.train import Diverged, train
 from ethogram.worlds.sharing import Sharing
@@ -50,6 +51,9 @@ def made(name, pay=PAY):
             return MADDPG(Duet(pay[0]), **small, buffer_size=64, hidden_size=3)
         case "monte_carlo":
             return MonteCarloControl(Choir(pay=pay))
+        case "ppo":
+            small = {"episodes_per_update": 2, "minibatch_size": 4, "epochs": 2, "hidden_size": 3}
+            return PPO(Choir(pay=pay), **small)
         case "qlearning":
             return QLearning(Choir(pay=pay))
     pytest.fail(f"the learner {name!r} has no small instance here: add one")

@@ -18,6 +18,7 @@ from ethogram.learners.dynamic_programming import MonteCarloControl
 from ethogram.learners.evolution import AgeFitness
 from ethogram.learners.fitness import PolicyFitness
 from ethogram.learners.maddpg import MADDPG
+from ethogram.learners.ppo import PPO
 from ethogram.learners.qlearning import QLearning
 from ethogram.learners.wrapping import matrix, wrap_for
 from ethogram.worlds import WORLDS
@@ -60,6 +61,9 @@ def small_learner(name, world):
             return MADDPG(world, **small, buffer_size=8, hidden_size=2)
         case "monte_carlo":
             return MonteCarloControl(world)
+        case "ppo":
+            small = {"episodes_per_update": 2, "minibatch_size": 4, "epochs": 2, "hidden_size": 2}
+            return PPO(world, **small)
         case "qlearning":
             return QLearning(world)
     pytest.fail(f"the learner {name!r} has no small instance here: add one")

@@ -6,7 +6,14 @@ import numpy as np
 
 from ethogram.learners.actor_critic import Minibatch, td_targets
 from ethogram.learners.critic_input import value_with_action
-from ethogram.learners.losses import critic_loss, deterministic_policy_loss, masked_mean
+from ethogram.learners.losses import (
+    adapted_kl_coefficient,
+    clipped_surrogate,
+    clipped_value_error,
+    critic_loss,
+    deterministic_policy_loss,
+    masked_mean,
+)
 from ethogram.learners.networks import MLP
 
 COUNTED = jnp.array([True, False, True])
@@ -65,3 +72,25 @@ def test_the_target_of_a_critic_is_what_was_earned_and_what_the_target_network_e
     )
     expected = np.array([1.0, 2.0, 3.0]) + 0.5 * np.array([1, 0, 1]) * critic(reached)[:, 0]
     np.testing.assert_allclose(td_targets(critic, batch, 0.5), expected, rtol=1e-6)
+
+
+def test_a_ratio_beyond_the_clip_has_nothing_more_to_gain():
+    ratio = jnp.array([0.5, 0.5, 1.0, 2.0, 2.0])
+    advantage = jnp.array([1.0, -1.0, 3.0, 1.0, -1.0])
+    found = clipped_surrogate(ratio, advantage, 0.2)
+    np.testing.assert_allclose(found, [0.5, -0.8, 3.0, 1.2, -2.0], rtol=1e-6)
+    slope = jax.grad(lambda ratio: clipped_surrogate(ratio, advantage, 0.2).sum())(ratio)
+    np.testing.assert_array_equal(slope[jnp.array([0, 1, 3, 4])], [1, 0, 0, -1])
+
+
+def test_a_value_that_moves_beyond_its_clip_is_charged_as_if_it_had_not():
+    value, old, target = jnp.array([3.0, 3.0, 1.5]), jnp.array([1.0] * 3), jnp.array([5.0, 3.0, 0])
+    found = clipped_value_error(value, old, target, 1.0)
+    np.testing.assert_allclose(found, [(2 - 5) ** 2, (2 - 3) ** 2, 1.5**2])
+    np.testing.assert_allclose(clipped_value_error(value, old, target, 0.0), [4, 0, 2.25])
+
+
+def test_the_coefficient_of_the_divergence_follows_its_target():
+    coefficient, kl = jnp.full(5, 0.2), jnp.array([0.0, 0.0051, 0.01, 0.0199, 0.021])
+    found = adapted_kl_coefficient(coefficient, kl, 0.01)
+    np.testing.assert_allclose(found, [0.1, 0.2, 0.2, 0.2, 0.3], rtol=1e-6)

@@ -12,7 +12,7 @@ from ethogram.learners.critic_input import (
     own_action,
     used_inputs,
 )
-from ethogram.learners.networks import MLP, features, used_features
+from ethogram.learners.networks import MLP, features, orthogonal, used_features
 
 ALL = jnp.ones
 
@@ -89,3 +89,17 @@ def test_critics_read_all_observations_then_all_actions_roles_in_alphabetical_or
     np.testing.assert_allclose(row[0, own_action(ROLES, "caller", 0)], [0.3, 0.7, 0.0])
     np.testing.assert_allclose(row[0, own_action(ROLES, "walker", 0)], [0, 1])
     np.testing.assert_allclose(row[0, own_action(ROLES, "walker", 1)], [1, 0])
+
+
+def test_layers_may_have_another_activation():
+    layers = (jnp.array([[2.0]]), jnp.array([[3.0]])), (jnp.zeros(1), jnp.zeros(1))
+    found = MLP(*layers, jnp.tanh)(jnp.array([0.4]))
+    np.testing.assert_allclose(found, [3 * np.tanh(0.8)], rtol=1e-5)
+
+
+def test_orthogonal_weights_turn_and_do_not_stretch():
+    inputs, outputs = jnp.arange(7) < 4, jnp.arange(6) < 5
+    weights = orthogonal(jax.random.key(0), inputs, outputs, 2.0)
+    assert (weights[4:] == 0).all()
+    np.testing.assert_allclose(weights[:, 5], 0, atol=1e-6)
+    np.testing.assert_allclose(weights[:4, :5] @ weights[:4, :5].T, 4 * np.eye(4), atol=1e-5)

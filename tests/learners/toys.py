@@ -300,3 +300,47 @@ class Listener(World):
             terminated={role: ~one for role, one in everyone.items()},
             truncated={role: one & (after.time >= self.steps) for role, one in everyone.items()},
         )
+
+
+class Shift(eqx.Module):
+    """A shift at work."""
+
+    luck: Float[Array, "worker"]
+    time: Int[Array, ""]
+
+
+class Rota(World):
+    """Three workers on a rota of four steps, who earn by their luck and by what they do.
+
+    The first ends for good after two steps, and then is out.  The second is out for two steps in
+    the middle, and its time is up in the end.  The third never acts, and ends for good with the
+    episode.
+    """
+
+    @property
+    def horizon(self):
+        return 6  # an episode and the beginning of the next
+
+    @property
+    def roles(self):
+        return {"worker": Role(3, Box(-5.0, 5.0, (2,)), MultiDiscrete((2, 3)))}
+
+    def reset(self, key):
+        shift = Shift(jax.random.normal(key, (3,)), jnp.int32(0))
+        return shift, self.observe(shift)
+
+    def observe(self, state):
+        return {"worker": jnp.stack([state.luck, jnp.full(3, state.time / 4)], -1)}
+
+    def step(self, key, state, action):
+        did = action["worker"]
+        after = Shift(0.5 * state.luck + jax.random.normal(key, (3,)), state.time + 1)
+        last, time = after.time == 4, state.time
+        acting = jnp.array([[1, 1, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0]], bool)
+        return after, Outcome(
+            observation=self.observe(after),
+            reward={"worker": state.luck * did[:, 0] + did[:, 1] * after.luck},
+            terminated={"worker": jnp.array([after.time >= 2, False, last])},
+            truncated={"worker": jnp.array([False, last, False])},
+            acting={"worker": acting[time]},
+        )

@@ -9,6 +9,7 @@ LEARNERS: Registry[type] = Registry(
         "age_fitness": "ethogram.learners.evolution:AgeFitness",
         "maddpg": "ethogram.learners.maddpg:MADDPG",
         "monte_carlo": "ethogram.learners.dynamic_programming:MonteCarloControl",
+        "ppo": "ethogram.learners.ppo:PPO",
         "qlearning": "ethogram.learners.qlearning:QLearning",
     },
 )

@@ -25,7 +25,7 @@ from ethogram.learners.critic_input import (
 from ethogram.learners.episodes import role_keys
 from ethogram.learners.losses import critic_loss, deterministic_policy_loss
 from ethogram.learners.networks import MLP, used_features
-from ethogram.learners.optimisation import Moments, descend, no_moments
+from ethogram.learners.optimisation import Moments, clip_each_norm, descend, no_moments
 from ethogram.learners.replay_buffer import Experience
 from ethogram.learners.returns import td_target
 
@@ -176,14 +176,15 @@ def update_agent(
         The agent after, and `critic_loss` and `actor_loss` before.
 
     """
-    step = rule.learning_rate, rule.max_gradient_norm
+    rate, largest = rule.learning_rate, rule.max_gradient_norm
     target = td_targets(agent.target_critic, batch, rule.discount)
 
     def loss_of_critic(critic: MLP) -> Float[Array, ""]:
         return critic_loss(critic(batch.critic_input)[:, 0], target, batch.acting)
 
     critic_lost, gradient = jax.value_and_grad(loss_of_critic)(agent.critic)
-    critic, critic_moments = descend(agent.critic, gradient, agent.critic_moments, *step)
+    gradient = clip_each_norm(gradient, largest)
+    critic, critic_moments = descend(agent.critic, gradient, agent.critic_moments, rate)
 
     def loss_of_actor(actor: MLP) -> Float[Array, ""]:
         outputs = outputs_of_actors(space, [actor], batch.observation[:, None])[:, 0]
@@ -192,7 +193,8 @@ def update_agent(
         return deterministic_policy_loss(value, outputs, batch.acting, used, rule.logit_penalty)
 
     actor_lost, gradient = jax.value_and_grad(loss_of_actor)(agent.actor)
-    actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, *step)
+    gradient = clip_each_norm(gradient, largest)
+    actor, actor_moments = descend(agent.actor, gradient, agent.actor_moments, rate)
     return Agent(
         actor=actor,
         critic=critic,

@@ -31,12 +31,25 @@ def critic_input(observation: PerRole, action: PerRole) -> Float[Array, "batch i
     return jnp.concatenate([part.reshape(len(part), -1) for part in parts], -1)
 
 
+def joint_observation(observation: PerRole) -> Float[Array, "*batch input"]:
+    """Encoded observations of all agents, Float[*batch, agent, feature] per role, in one row."""
+    parts = [observation[name] for name in sorted(observation)]
+    return jnp.concatenate([part.reshape(*part.shape[:-2], -1) for part in parts], -1)
+
+
+def used_joint_observation(roles: Roles) -> Bool[Array, "input"]:
+    """Which entries of `joint_observation` can be other than zero."""
+    ordered = [roles[name] for name in sorted(roles)]
+    return jnp.concatenate(
+        [jnp.tile(used_features(role.observation), role.agents) for role in ordered]
+    )
+
+
 def used_inputs(roles: Roles) -> Bool[Array, "input"]:
     """Which entries of `critic_input` can be other than zero."""
     ordered = [roles[name] for name in sorted(roles)]
-    spaces = [(role.observation, role.agents) for role in ordered]
-    spaces += [(role.action, role.agents) for role in ordered]
-    return jnp.concatenate([jnp.tile(used_features(space), agents) for space, agents in spaces])
+    actions = [jnp.tile(used_features(role.action), role.agents) for role in ordered]
+    return jnp.concatenate([used_joint_observation(roles), *actions])
 
 
 def input_count(roles: Roles) -> int:

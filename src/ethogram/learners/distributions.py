@@ -1,4 +1,6 @@
-"""Actions drawn from what a learner makes of them: by their values, by their logits."""
+"""Actions drawn by what a learner makes of them, and the logarithms of their probabilities."""
+
+import math
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,7 @@ from jaxtyping import Float, Int, Key, UInt32
 from ethogram.core.settings import Number
 
 HALF = 16  # bits of a random word that decide whether to explore; the others choose
+HALF_LOG_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 
 def epsilon_greedy(
@@ -61,3 +64,48 @@ def gumbel_softmax(
         return weights
     heaviest = jax.nn.one_hot(weights.argmax(-1), weights.shape[-1])
     return weights + lax.stop_gradient(heaviest - weights)
+
+
+def categorical_log_prob(
+    logits: Float[Array, "*batch choice"], choice: Int[Array, "*batch"]
+) -> Float[Array, "*batch"]:
+    """The logarithm of the probability that softmax gives to a choice."""
+    chosen = jax.nn.one_hot(choice, logits.shape[-1], dtype=bool)
+    return jnp.where(chosen, jax.nn.log_softmax(logits), 0.0).sum(-1)
+
+
+def categorical_entropy(logits: Float[Array, "*batch choice"]) -> Float[Array, "*batch"]:
+    """The entropy of the choice that softmax makes: -sum p log p, in nats."""
+    return -(jax.nn.softmax(logits) * jax.nn.log_softmax(logits)).sum(-1)
+
+
+def categorical_kl(
+    logits: Float[Array, "*batch choice"], other: Float[Array, "*batch choice"]
+) -> Float[Array, "*batch"]:
+    """The Kullback-Leibler divergence of choices: sum p (log p - log q)."""
+    difference = jax.nn.log_softmax(logits) - jax.nn.log_softmax(other)
+    return (jax.nn.softmax(logits) * difference).sum(-1)
+
+
+def gaussian_log_prob(
+    mean: Float[Array, "..."], log_std: Float[Array, "..."], value: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """The log-density of a number: -((x - mu) / sigma)^2 / 2 - log(sigma sqrt(2 pi))."""
+    return -0.5 * jnp.square((value - mean) * jnp.exp(-log_std)) - log_std - HALF_LOG_TWO_PI
+
+
+def gaussian_entropy(log_std: Float[Array, "..."]) -> Float[Array, "..."]:
+    """The entropy of a Gaussian number: log(sigma sqrt(2 pi e)), in nats."""
+    return log_std + HALF_LOG_TWO_PI + 0.5
+
+
+def gaussian_kl(
+    mean: Float[Array, "..."],
+    log_std: Float[Array, "..."],
+    other_mean: Float[Array, "..."],
+    other_log_std: Float[Array, "..."],
+) -> Float[Array, "..."]:
+    """The Kullback-Leibler divergence of Gaussian numbers, from another Gaussian."""
+    variance = jnp.exp(2 * (log_std - other_log_std))
+    shift = jnp.square((mean - other_mean) * jnp.exp(-other_log_std))
+    return other_log_std - log_std + 0.5 * (variance + shift - 1)

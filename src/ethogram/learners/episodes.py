@@ -1,14 +1,14 @@
 """Episodes played side by side by one policy, and what each agent earned in them."""
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import jax
 import jax.numpy as jnp
-from jax import Array
-from jaxtyping import Key
+from jax import Array, lax
+from jaxtyping import Bool, Key
 
-from ethogram.core.rollout import Policy, rollout
+from ethogram.core.rollout import Policy, PolicyWithExtras, rollout
 from ethogram.core.world import PerRole, Transition, World
 
 
@@ -17,14 +17,29 @@ def role_keys(roles: Iterable[str], key: Key[Array, ""]) -> dict[str, Key[Array,
     return {role: jax.random.fold_in(key, number) for number, role in enumerate(roles)}
 
 
-def play_episodes(world: World, policy: Policy, key: Key[Array, ""], episodes: int) -> Transition:
+def play_episodes(
+    world: World,
+    policy: Policy | PolicyWithExtras,
+    key: Key[Array, ""],
+    episodes: int,
+    *,
+    keep: Callable[[Transition], Transition] = lambda transition: transition,
+) -> Transition:
     """Transitions of some episodes: arrays have the episodes and then the steps as leading axes.
 
     Each takes the world's `horizon` of steps; one that ends before is followed by another.
+
+    Args:
+        world: any world.
+        policy: as `rollout` takes it.
+        key: consumed.
+        episodes: how many, side by side.
+        keep: a transition with what of it is stored; all of it, unless a function says what.
+
     """
 
     def play(key: Key[Array, ""]) -> Transition:
-        transitions: Transition = rollout(world, policy, key, world.horizon)[1]
+        transitions: Transition = rollout(world, policy, key, world.horizon, keep=keep)[1]
         return transitions
 
     return jax.vmap(play)(jax.random.split(key, episodes))
@@ -59,6 +74,34 @@ def learned_steps(transitions: Transition) -> PerRole:
     """
     acting = transitions.outcome.acting
     return {role: steps & acting[role] for role, steps in in_first_episode(transitions).items()}
+
+
+def acting_steps(transitions: Transition) -> PerRole:
+    """Which steps of all its episodes each agent learns from: until its own end it was acting.
+
+    `learned_steps` with those of the episodes that followed the first.
+
+    Args:
+        transitions: arrays with an axis of a batch, then one of steps.
+
+    Returns:
+        Bool[batch, step, agent] per role.
+
+    """
+    outcome, found = transitions.outcome, {}
+
+    def advance(
+        is_out: Bool[Array, "batch agent"], step: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        own_end, episode_end = step
+        return (is_out | own_end) & ~episode_end[:, None], ~is_out
+
+    for role, acting in outcome.acting.items():
+        own_end = outcome.terminated[role] | outcome.truncated[role]
+        steps = own_end.swapaxes(0, 1), transitions.episode_end.swapaxes(0, 1)
+        still_in = lax.scan(advance, jnp.zeros_like(acting[:, 0]), steps)[1]
+        found[role] = still_in.swapaxes(0, 1) & acting
+    return found
 
 
 def episode_returns(transitions: Transition) -> PerRole:

@@ -52,3 +52,52 @@ def deterministic_policy_loss(
 def masked_mean(values: Float[Array, "*batch"], counted: Bool[Array, "*batch"]) -> Float[Array, ""]:
     """The mean of those values that count; 0 if there are none."""
     return jnp.where(counted, values, 0.0).sum() / jnp.maximum(counted.sum(), 1)
+
+
+def clipped_surrogate(
+    ratio: Float[Array, "*batch"], advantage: Float[Array, "*batch"], clip: Number
+) -> Float[Array, "*batch"]:
+    """What proximal policy optimisation maximises in each step.
+
+    Args:
+        ratio: of the chance that the policy gives to what was done, to that by which it was done.
+        advantage: of what was done.
+        clip: epsilon; beyond 1 - epsilon to 1 + epsilon a ratio has nothing more to gain.
+
+    """
+    clipped = jnp.clip(ratio, 1 - clip, 1 + clip)
+    return jnp.minimum(ratio * advantage, clipped * advantage)  # Schulman et al. (2017), eq. 7
+
+
+def clipped_value_error(
+    value: Float[Array, "*batch"],
+    old_value: Float[Array, "*batch"],
+    target: Float[Array, "*batch"],
+    clip: Number,
+) -> Float[Array, "*batch"]:
+    """The squared error of values, or if that is larger, of values kept near what they were.
+
+    It is not halved.
+
+    Args:
+        value: V.
+        old_value: V before the update.
+        target: of V.
+        clip: by how much V may move; 0 is no limit.
+
+    """
+    reach = jnp.where(jnp.asarray(clip) > 0, clip, jnp.inf)
+    near = old_value + jnp.clip(value - old_value, -reach, reach)
+    return jnp.maximum(jnp.square(value - target), jnp.square(near - target))
+
+
+def adapted_kl_coefficient(
+    coefficient: Float[Array, "*batch"], kl: Float[Array, "*batch"], target: Number
+) -> Float[Array, "*batch"]:
+    """The coefficient of a penalty on the divergence of policies, after one that diverged by kl.
+
+    Schulman et al. (2017), below eq. 8, with the thresholds and the factors of RLlib: 1.5 times as
+    much above twice the target, half as much below half of it.
+    """
+    factor = jnp.where(kl > 2 * target, 1.5, jnp.where(kl < 0.5 * target, 0.5, 1.0))
+    return coefficient * factor

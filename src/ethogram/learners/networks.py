@@ -5,9 +5,10 @@ compiled program (`ethogram.core.spaces`).  Weights are drawn for the width that
 feeds zeros in and takes nothing out, so a padded network learns like one without padding.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import prod
+from types import MappingProxyType
 
 import equinox as eqx
 import jax
@@ -17,12 +18,39 @@ from jaxtyping import Bool, Float, Key
 
 from ethogram.core.spaces import Box, Discrete, MultiDiscrete, Simplex, Space
 
+Activation = Callable[[Array], Array]
+DrawWeights = Callable[..., Array]  # (key, inputs used, outputs used, gain) -> weights of a layer
+
+ACTIVATIONS: Mapping[str, Activation] = MappingProxyType({"relu": jax.nn.relu, "tanh": jnp.tanh})
+
+
+def glorot_uniform(
+    key: Key[Array, ""], inputs: Bool[Array, "in"], outputs: Bool[Array, "out"], gain: float
+) -> Float[Array, "in out"]:
+    """Weights that are uniform within a bound (Glorot & Bengio, 2010, eq. 16), times a gain."""
+    bound = gain * jnp.sqrt(6.0 / (inputs.sum() + outputs.sum()))
+    return bound * jax.random.uniform(key, (inputs.size, outputs.size), minval=-1.0, maxval=1.0)
+
+
+def orthogonal(
+    key: Key[Array, ""], inputs: Bool[Array, "in"], outputs: Bool[Array, "out"], gain: float
+) -> Float[Array, "in out"]:
+    """Weights that turn and do not stretch, but by a gain (Saxe et al., ICLR 2014); padding is 0.
+
+    The orthogonal part of a matrix of Gaussian numbers, which has no preferred direction.
+    """
+    used = inputs[:, None] & outputs
+    gaussian = jnp.where(used, jax.random.normal(key, used.shape), 0.0)
+    left, stretch, right = jnp.linalg.svd(gaussian, full_matrices=False)
+    return gain * (left * (stretch > 1e-6 * stretch[0])) @ right
+
 
 class MLP(eqx.Module):
-    """Dense layers with rectified linear units between them, and none after the last."""
+    """Dense layers with an activation between them, and none after the last."""
 
     weights: tuple[Float[Array, "_in _out"], ...]
     biases: tuple[Float[Array, "_out"], ...]
+    activation: Activation = eqx.field(static=True, default=jax.nn.relu)
 
     @classmethod
     def init(
@@ -31,25 +59,31 @@ class MLP(eqx.Module):
         inputs: Bool[Array, "in"],
         hidden: Sequence[int],
         outputs: Bool[Array, "out"],
+        *,
+        activation: Activation = jax.nn.relu,
+        draw: DrawWeights = glorot_uniform,
+        hidden_gain: float = 1.0,
+        gain: float = 1.0,
     ) -> "MLP":
-        """Draw weights uniformly after Glorot & Bengio (2010); biases start at 0.
+        """Draw weights; biases start at 0.
 
         Args:
             key: consumed.
             inputs: which inputs are used; their number is the width that counts.
             hidden: widths of the hidden layers.
             outputs: which outputs are used.
+            activation: between the layers.
+            draw: the weights of a layer, `glorot_uniform` or `orthogonal`.
+            hidden_gain: of the hidden layers' weights.
+            gain: of the last layer's weights.
 
         """
         ends = [inputs, *(jnp.ones(width, bool) for width in hidden), outputs]
-        weights, biases = [], []
-        keys = jax.random.split(key, len(ends) - 1)
-        for draw, before, after in zip(keys, ends[:-1], ends[1:], strict=True):
-            bound = jnp.sqrt(6.0 / (before.sum() + after.sum()))
-            shape = (before.size, after.size)
-            weights.append(bound * jax.random.uniform(draw, shape, minval=-1.0, maxval=1.0))
-            biases.append(jnp.zeros(after.size))
-        return cls(tuple(weights), tuple(biases))
+        gains = [hidden_gain] * len(hidden) + [gain]
+        keys = jax.random.split(key, len(gains))
+        layers = zip(keys, ends[:-1], ends[1:], gains, strict=True)
+        weights = tuple(draw(*layer) for layer in layers)
+        return cls(weights, tuple(jnp.zeros(after.size) for after in ends[1:]), activation)
 
     @staticmethod
     def numbers(inputs: int, hidden: Sequence[int], outputs: int) -> int:
@@ -65,7 +99,7 @@ class MLP(eqx.Module):
         """Go on from the product of the inputs with the first layer's weights."""
         x = x + self.biases[0]
         for weight, bias in zip(self.weights[1:], self.biases[1:], strict=True):
-            x = jax.nn.relu(x) @ weight + bias
+            x = self.activation(x) @ weight + bias
         return x
 
 

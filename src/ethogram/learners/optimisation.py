@@ -1,4 +1,4 @@
-"""Descent on networks: Adam on gradients that are clipped array by array."""
+"""Descent on networks: Adam, on gradients that are clipped array by array or as a whole."""
 
 from typing import Any, TypeAlias, TypeVar
 
@@ -23,9 +23,7 @@ def no_moments(network: N) -> Moments:
     return ADAM.init(network)
 
 
-def descend(
-    network: N, gradient: N, moments: Moments, rate: Number, clip: Number
-) -> tuple[N, Moments]:
+def descend(network: N, gradient: N, moments: Moments, rate: Number) -> tuple[N, Moments]:
     """One step of Adam (Kingma & Ba, ICLR 2015).
 
     Args:
@@ -33,15 +31,28 @@ def descend(
         gradient: of its loss.
         moments: of earlier gradients.
         rate: of learning.
-        clip: the norm to which each array's gradient is scaled down, if it is larger.
 
     """
-    clipped = jax.tree.map(lambda array: clip_norm(array, clip), gradient)
-    direction, moments = ADAM.update(clipped, moments)
+    direction, moments = ADAM.update(gradient, moments)
     return jax.tree.map(lambda w, d: w - rate * d, network, direction), moments
 
 
-def clip_norm(array: Float[Array, "..."], largest: Number) -> Float[Array, "..."]:
-    """Scale an array down to a Euclidean norm, unless it is smaller."""
-    norm = jnp.sqrt(jnp.square(array).sum())
+def clip_each_norm(gradient: N, largest: Number) -> N:
+    """Scale each array down to a Euclidean norm, unless it is smaller."""
+    return jax.tree.map(lambda array: _scaled_down(array, _norm(array), largest), gradient)
+
+
+def clip_global_norm(gradient: N, largest: Number) -> N:
+    """Scale all arrays down together to a Euclidean norm, unless it is smaller."""
+    norm = jnp.sqrt(sum(jnp.square(array).sum() for array in jax.tree.leaves(gradient)))
+    return jax.tree.map(lambda array: _scaled_down(array, norm, largest), gradient)
+
+
+def _norm(array: Float[Array, "..."]) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.square(array).sum())
+
+
+def _scaled_down(
+    array: Float[Array, "..."], norm: Float[Array, ""], largest: Number
+) -> Float[Array, "..."]:
     return array * jnp.minimum(1.0, largest / jnp.maximum(norm, SMALL))
