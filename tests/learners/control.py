@@ -46,7 +46,7 @@ class CartPole(World):
 
     def step(self, key, state, action):
         del key  # nothing is left to chance
-        x, v, angle, spin = state.at
+        _, v, angle, spin = state.at
         force = jnp.where(action["cart"][0] == 1, FORCE, -FORCE)
         sine, cosine, mass = jnp.sin(angle), jnp.cos(angle), CART + POLE
         pull = (force + POLE * HALF_LENGTH * spin**2 * sine) / mass
