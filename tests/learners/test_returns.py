@@ -43,11 +43,11 @@ def test_an_advantage_goes_on_beyond_a_time_out_of_play_and_ends_where_the_episo
     steps = jnp.ones(4), value, reached
 
     def advantages(terminated, cut):
-        return generalized_advantage(*steps, terminated, cut, acting, 0.5, 1.0)
+        return generalized_advantage(*steps, terminated, cut, acting, 0.5, 0.8)
 
     # the last one earns 1 and then expects 16; the one before it is cut, and expects 8
     cut = never.at[2].set(True)
-    first = 1 + 0.5 * (1 + 0.5 * 2) - 1 + 0.25 * (1 + 0.5 * 8 - 2)
-    np.testing.assert_allclose(advantages(never, cut), [first, 0, 3, 1 + 8 - 4])
-    first = 1 + 0.5 * (1 + 0.5 * 2) - 1 + 0.25 * (1 - 2)
-    np.testing.assert_allclose(advantages(cut, never), [first, 0, -1, 1 + 8 - 4])
+    first = 1 + 0.5 * (1 + 0.5 * 2) - 1 + 0.8 * 0.25 * (1 + 0.5 * 8 - 2)
+    np.testing.assert_allclose(advantages(never, cut), [first, 0, 3, 1 + 8 - 4], rtol=1e-6)
+    first = 1 + 0.5 * (1 + 0.5 * 2) - 1 + 0.8 * 0.25 * (1 - 2)
+    np.testing.assert_allclose(advantages(cut, never), [first, 0, -1, 1 + 8 - 4], rtol=1e-6)
