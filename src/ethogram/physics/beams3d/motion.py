@@ -37,9 +37,7 @@ class State(eqx.Module):
     memory: Memory
     steps: Int[Array, "..."]  # taken so far: by all alike, or by each
     diverged: Bool[Array, "*batch"]  # once a strain passed 100, or something was not finite
-    clearance: Float[
-        Array, "*batch"
-    ]  # m: no voxels come nearer than this to touching; 0: not known
+    clearance: Float[Array, "*batch"]  # m, by which all are apart beyond touching; 0: not known
 
 
 def at_rest(lattice: Lattice, material: Material, batch: tuple[int, ...] = ()) -> State:
