@@ -90,8 +90,10 @@ def _after(
     return lax.fori_loop(0, steps, advance, state)
 
 
-def simulated(edges: Array, gravity: Array, shape: Lattice, material: Material) -> State:
-    return simulate(shape, material, at_rest(shape, material), edges, gravity)
+def simulated(
+    edges: Array, gravity: Array, shape: Lattice, material: Material, kernel: str = "auto"
+) -> State:
+    return simulate(shape, material, at_rest(shape, material), edges, gravity, kernel=kernel)
 
 
 @pytest.fixture(autouse=True)
@@ -251,8 +253,8 @@ def test_a_simulation_is_its_steps_and_vmap_over_robots_is_lanes_however_deep() 
 
     @jax.jit
     def nested(edges: Array, pulls: Array) -> State:
-        robots = jax.vmap(lambda edge, pull: simulated(edge, pull, shape, material), (0, None))
-        return jax.vmap(robots)(edges, pulls)
+        in_jax = partial(simulated, shape=shape, material=material, kernel="none")
+        return jax.vmap(jax.vmap(in_jax, (0, None)))(edges, pulls)
 
     found = nested(edges, pulls)
     assert "f64[3,4,3,2]" in str(jax.make_jaxpr(nested)(edges, pulls)), "robots come last within"

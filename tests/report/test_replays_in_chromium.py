@@ -32,7 +32,7 @@ from tests.report.player import (
 
 from ethogram import cli
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Shape, tints
+from ethogram.core.scene import Shape, groups_by_trial, tints
 from ethogram.report import Replay, StudyPage, write, write_replay
 from ethogram.report.replay import encode_replays, subsample
 
@@ -256,7 +256,7 @@ def test_stored_scenes_of_each_world_are_drawn_and_move(
     asked, complaints = heard(page)
     manifests = sorted((RECORDS / world / "manifests").iterdir())
     stored = [json.loads(manifest.read_text())["content"] for manifest in manifests]
-    case = next(each["case"]["name"] for each in stored if "scene" in each["layout"])
+    case = next(each["case"]["name"] for each in stored if groups_by_trial(each["layout"]))
     file = tmp_path / "replay.html"
     done = cli.main(["replay", str(RECORDS), world, case, f"--out={file}", "--no-show"])
     assert done == cli.DONE

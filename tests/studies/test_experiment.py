@@ -21,7 +21,7 @@ class Lifted(Sharing):
 
     @property
     def kernels(self):
-        return ("beams3d",)
+        return {"beams3d": "auto"}
 
 
 def test_a_record_names_what_did_the_work_of_a_worlds_kernels(monkeypatch):

@@ -17,7 +17,7 @@ from ethogram import cli
 from ethogram.cli import commands
 from ethogram.cli.gather import trials_of
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, grouped
+from ethogram.core.scene import Scene, grouped, groups_by_trial
 from ethogram.report import Replay
 from ethogram.report.render import video
 from ethogram.report.render.frames import MARGIN, render_frame
@@ -67,7 +67,7 @@ def stored_case(world: str) -> str:
     """A case with a scene."""
     manifests = sorted((RECORDS / world / "manifests").iterdir())
     stored = [json.loads(manifest.read_text())["content"] for manifest in manifests]
-    return next(each["case"]["name"] for each in stored if "scene" in each["layout"])
+    return next(each["case"]["name"] for each in stored if groups_by_trial(each["layout"]))
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp", ".mp4", ".GIF"])

@@ -145,7 +145,10 @@ def _moved(
 
 
 def _map(runs: Sequence[Moved], place: Callable[[Behaviours], np.ndarray]) -> Map:
-    found = place(np.stack([run.behaviour for run in runs]))
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):  # the same to the last bit, however many threads there are
+        found = place(np.stack([run.behaviour for run in runs]))
     return [
         (run, float(first), float(second)) for run, (first, second) in zip(runs, found, strict=True)
     ]
