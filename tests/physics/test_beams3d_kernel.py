@@ -232,7 +232,14 @@ def thrown(count: int) -> tuple[Lattice, State, Array]:
     return shape, start, jnp.full((300, 2, count), 0.01)
 
 
-@pytest.mark.parametrize("case", [closing, thrown])
+def swelling(count: int) -> tuple[Lattice, State, Array]:
+    """Two voxels that grow where they are, until one reaches the other."""
+    shape = body([(0, 0, 0), (3, 0, 0)])
+    grown = jnp.linspace(0.01, 0.03, 300)[:, None, None] * jnp.linspace(0.8, 1.0, count)
+    return shape, at_rest(shape, Material(), (count,)), jnp.broadcast_to(grown, (300, 2, count))
+
+
+@pytest.mark.parametrize("case", [closing, thrown, swelling])
 def test_no_contact_is_missed_for_want_of_looking(case: Any) -> None:
     """The same with all pairs looked at in every step."""
     count = 8
