@@ -16,8 +16,8 @@ waves of a non-sensing controller, and its robot must get as far as ours.
 A second table sets the kernels for this processor beside JAX, on one core, each in a process of its
 own, one after the other, per second of processor time, so that others on the machine matter less:
 the physics alone with edges given beforehand, for 256 robots and for one; whole simulations with
-non-sensing and with sensing controllers; and a rollout through `World.step`, in which every robot
-has a network of its own.
+non-sensing and with sensing controllers; and a rollout through `World.step`, in which the policies
+are these sensing controllers, each robot's its own.
 """
 
 import argparse
@@ -35,7 +35,6 @@ ROBOTS = (1, 32, 256, 2048)
 KINDS = ("non-sensing", "sensing")
 STEPS, SECONDS = 200, 1.5  # of a simulation; of a measurement, at least
 KERNELS = ("x86-64-v4", "x86-64-v3", "x86-64", "portable")
-HIDDEN = 32  # of the network of a rollout
 LOOPED = 200  # steps of the loop in NumPy
 PATIENCE = 300.0  # seconds that a process waits for the others
 THESIS_VOXEL_STEPS = 3 * 2 * 2 * 30 * 6230 * 10_000 * 6  # six voxels on average
@@ -124,7 +123,7 @@ def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
     from ethogram.physics import native
     from ethogram.physics.beams3d import simulate as physics
     from ethogram.worlds.softbody import SoftBody3D
-    from ethogram.worlds.softbody.controllers import NonSensing, Sensing
+    from ethogram.worlds.softbody.controllers import NonSensing, Sensing, policy
     from ethogram.worlds.softbody.gravity import schedule
     from ethogram.worlds.softbody.simulation import simulate
 
@@ -143,11 +142,6 @@ def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
         jax.random.uniform(jax.random.key(1), (each.search_space.size, robots), minval=-1.0)
         for each in controllers
     ]
-    inputs = world.roles["robot"].observation.shape[0]
-    networks = tuple(
-        0.1 * jax.random.normal(jax.random.key(2), (robots, *shape))
-        for shape in ((inputs, HIDDEN), (HIDDEN, voxels))
-    )
 
     @eqx.filter_jit
     def alone(world, edges):
@@ -157,15 +151,12 @@ def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
         ).position
 
     @eqx.filter_jit
-    def rolled(world, networks):
-        def run(key, first, second):
-            def policy(_, observation):
-                out = jnp.tanh(jax.nn.relu(observation["robot"] @ first) @ second)
-                return {"robot": world.material.edge * (1 + 0.1 * out)}
+    def rolled(world, controller, genes):
+        def run(key, genome):
+            act = policy(controller, genome, world.material.edge)
+            return rollout(world, act, key, STEPS, keep=lambda t: t.outcome.reward["robot"])[1]
 
-            return rollout(world, policy, key, STEPS, keep=lambda t: t.outcome.reward["robot"])[1]
-
-        return jax.vmap(run)(keys, *networks)
+        return jax.vmap(run, (0, 1))(keys, genes)
 
     whole = eqx.filter_jit(lambda *of: simulate(*of).distance)
 
@@ -182,7 +173,7 @@ def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
         "physics, one robot": rate(alone, world, edges[..., 0], of=1),
         "non-sensing": rate(whole, world, controllers[0], genes[0], gravity),
         "sensing": rate(whole, world, controllers[1], genes[1], gravity),
-        "rollout": rate(rolled, world, networks),
+        "rollout": rate(rolled, world, controllers[1], genes[1]),
     }
 
 
