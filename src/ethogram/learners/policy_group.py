@@ -3,6 +3,7 @@
 Networks of a role are stacked: the leading axis of what a role has learned counts its policies.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -131,6 +132,17 @@ class PolicyGroup(NamedTuple):
     ) -> Shaped[Array, "sample policy *each"]:
         """What each policy has to learn from."""
         return values.reshape(-1, 1, *values.shape[2:]) if self.shared else values
+
+    def with_returns(
+        self,
+        learned: Learned,
+        returns: Float[Array, "row agent"],
+        acting: Bool[Array, "row agent"],
+    ) -> Learned:
+        """With running statistics that have seen the returns of an update, too."""
+        assert learned.running_return is not None
+        seen = learned.running_return.after(self.by_policy(returns), self.by_policy(acting))
+        return dataclasses.replace(learned, running_return=seen)
 
     def statistics_after(
         self, learned: Learned, role: str, observation: Array, counted: Bool[Array, "row agent"]

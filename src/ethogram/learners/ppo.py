@@ -50,7 +50,7 @@ from collections.abc import Mapping
 from functools import partial
 from math import prod
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import equinox as eqx
 import jax
@@ -70,12 +70,19 @@ from ethogram.learners.action_distributions import action_distribution, action_o
 from ethogram.learners.base import Metrics
 from ethogram.learners.critic_input import Roles
 from ethogram.learners.episodes import acting_steps, episode_returns, play_episodes, role_keys
+from ethogram.learners.experience import (
+    Choice,
+    Estimation,
+    Experience,
+    experience,
+    returns_so_far,
+    rows,
+)
 from ethogram.learners.losses import adapted_kl_coefficient
 from ethogram.learners.networks import ACTIVATIONS, feature_count
 from ethogram.learners.policy_group import Learned, PolicyGroup
 from ethogram.learners.policy_network import INITIALIZATIONS, Architecture
 from ethogram.learners.ppo_update import Descent, Minibatch, Objective, learn, standardized
-from ethogram.learners.returns import generalized_advantage, running_return
 from ethogram.learners.running_statistics import RunningStatistics
 from ethogram.learners.schedules import Constant, Schedule, schedule_of
 
@@ -124,26 +131,6 @@ class PPOState(eqx.Module):
 
     roles: dict[str, Learned]
     updates: Int[Array, ""]
-
-
-class _Choice(NamedTuple):
-    """What was chosen and expected, beside the action; Float[agent, ...] per role."""
-
-    drawn: PerRole  # what became the action
-    outputs: PerRole  # of the actors
-    value: PerRole
-    next_value: PerRole | None = None  # of what was observed then
-
-
-class _Batch(NamedTuple):
-    """What a role learns from; arrays have axes of rows, which are steps, and of agents."""
-
-    drawn: Array
-    outputs: Array
-    value: Array
-    advantage: Array
-    target: Array
-    counted: Array
 
 
 class PPO(Module):
@@ -281,15 +268,20 @@ class PPO(Module):
             self.world, act, for_play, self.episodes_per_update, keep=partial(self._kept, state)
         )
         acting = acting_steps(played)
-        observation = jax.tree.map(_rows, played.observation)
+        observation = jax.tree.map(rows, played.observation)
         roles, metrics = {}, {}
         for name, for_role in role_keys(self.world.roles, for_learning).items():
-            learned = self._with_returns(name, state.roles[name], played, acting[name])
-            batch = self._batch(name, learned, played, acting[name])
-            learned, found = self._learn(for_role, name, learned, state, observation, batch)
-            seen = group.statistics_after(learned, name, observation[name], batch.counted)
+            learned = state.roles[name]
+            if learned.running_return is not None:
+                returns = returns_so_far(name, played, self.discount)
+                learned = group.with_returns(learned, returns, rows(acting[name]))
+            found = experience(name, learned.running_return, played, acting[name], self._estimation)
+            if self.advantages == "batch":
+                whole = standardized if self.shared else jax.vmap(standardized, 1, 1)
+                found = found._replace(advantage=whole(found.advantage, found.counted))
+            learned, metrics[name] = self._learn(for_role, name, learned, state, observation, found)
+            seen = group.statistics_after(learned, name, observation[name], found.counted)
             roles[name] = dataclasses.replace(learned, observation=seen)
-            metrics[name] = found
         per_role = {
             metric: {name: found[metric] for name, found in metrics.items()} for metric in METRICS
         }
@@ -311,6 +303,10 @@ class PPO(Module):
         return PolicyGroup(roles, self.shared, self.central_critic)
 
     @property
+    def _estimation(self) -> Estimation:
+        return Estimation(self.discount, self.gae_lambda, self.fragment_steps)
+
+    @property
     def _architecture(self) -> Architecture:
         return Architecture(
             (self.hidden_size, self.hidden_size),
@@ -321,7 +317,7 @@ class PPO(Module):
 
     def _act(
         self, state: PPOState, key: Key[Array, ""], observation: PerRole, *, explore: bool = True
-    ) -> tuple[PerRole, _Choice]:
+    ) -> tuple[PerRole, Choice]:
         """Actions, and what there is to know of them."""
         roles = self.world.roles
         outputs, value = self._group(roles).judge(state.roles, observation)
@@ -331,7 +327,7 @@ class PPO(Module):
             distribution = action_distribution(space, outputs[name], log_std)
             drawn[name] = distribution.sample(for_role) if explore else distribution.mode()
             action[name] = action_of(space, drawn[name], squash=self.squash)
-        return action, _Choice(drawn, outputs, value)
+        return action, Choice(drawn, outputs, value)
 
     def _kept(self, state: PPOState, transition: Transition) -> Transition:
         """Of a transition what is learned from, with the value of what was reached."""
@@ -346,46 +342,6 @@ class PPO(Module):
             extras=transition.extras._replace(next_value=next_value),
         )
 
-    def _with_returns(
-        self, name: str, learned: Learned, played: Transition, acting: Array
-    ) -> Learned:
-        """With statistics that have seen the returns of this update, where there are any."""
-        if learned.running_return is None:
-            return learned
-        outcome = played.outcome
-        ended = outcome.terminated[name] | outcome.truncated[name] | played.episode_end[..., None]
-        returns = jax.vmap(running_return, (0, 0, None))(outcome.reward[name], ended, self.discount)
-        by_policy = self._group(self.world.roles).by_policy
-        seen = learned.running_return.after(by_policy(_rows(returns)), by_policy(_rows(acting)))
-        return dataclasses.replace(learned, running_return=seen)
-
-    def _batch(self, name: str, learned: Learned, played: Transition, acting: Array) -> _Batch:
-        """Advantages, and what goes with them."""
-        outcome, choice = played.outcome, played.extras
-        reward, value = outcome.reward[name], choice.value[name]
-        if learned.running_return is not None:
-            reward = reward / learned.running_return.deviation
-        cut = outcome.truncated[name] | played.episode_end[..., None]
-        if self.fragment_steps:
-            steps = jnp.arange(1, cut.shape[1] + 1)
-            cut |= (steps % self.fragment_steps == 0)[:, None]
-        advantage = jax.vmap(generalized_advantage, (0,) * 6 + (None,) * 2)(
-            reward,
-            value,
-            choice.next_value[name],
-            outcome.terminated[name],
-            cut,
-            acting,
-            self.discount,
-            self.gae_lambda,
-        )
-        target = advantage + value
-        if self.advantages == "batch":
-            whole = standardized if self.shared else jax.vmap(standardized, 2, 2)
-            advantage = whole(advantage, acting)
-        parts = choice.drawn[name], choice.outputs[name], value, advantage, target, acting
-        return _Batch(*map(_rows, parts))
-
     def _learn(
         self,
         key: Key[Array, ""],
@@ -393,11 +349,11 @@ class PPO(Module):
         learned: Learned,
         state: PPOState,
         observation: PerRole,
-        batch: _Batch,
+        experience: Experience,
     ) -> tuple[Learned, Metrics]:
         """Improve the policies of a role."""
         role = self.world.roles[name]
-        group, (rows, agents) = self._group(self.world.roles), batch.counted.shape
+        group, (steps, agents) = self._group(self.world.roles), experience.counted.shape
         descent = Descent(
             self.minibatch_size,
             self.epochs,
@@ -412,7 +368,7 @@ class PPO(Module):
                 row, agent = divmod(sample, agents) if self.shared else (sample, policy)
                 read = group.read(state.roles, name, policy, observation, row, agent)
                 drawn, outputs, value, advantage, target, counted = (
-                    part[row, agent] for part in batch
+                    part[row, agent] for part in experience
                 )
                 counted &= is_any
                 if self.advantages == "minibatch":
@@ -426,7 +382,7 @@ class PPO(Module):
                 self.entropy_coefficient(state.updates),
                 kl_coefficient,
             )
-            samples = rows * agents if self.shared else rows
+            samples = steps * agents if self.shared else steps
             return learn(key, network, moments, gather, samples, role.action, objective, descent)
 
         policies = group.policies(name)
@@ -446,8 +402,3 @@ class PPO(Module):
         return dataclasses.replace(
             learned, network=network, moments=moments, kl_coefficient=coefficient
         ), metrics
-
-
-def _rows(values: Array) -> Array:
-    """Steps of all episodes below each other: from axes of episodes and steps, one of rows."""
-    return values.reshape(-1, *values.shape[2:])
