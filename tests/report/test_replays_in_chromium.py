@@ -327,6 +327,31 @@ def test_lines_have_names_and_colours_of_their_own_over_an_axis_of_frames(
     assert page.get_by_label("loop").count() == 1
 
 
+@pytest.mark.parametrize(("low", "shown"), [(4.94e-4, "0"), (-0.321, "-0.321")])
+def test_the_bounds_of_lines_stand_beside_them_whole(
+    tmp_path: Path, open_tab: Callable[..., Page], low: float, shown: str
+) -> None:
+    """Their texts, from where they end to where they begin."""
+    series = {"distance": np.linspace([low], [58.6], FRAMES)}
+    write_replay(
+        tmp_path / "replay.html", "toy", [Replay(name="case", scene=crossing(series=series))]
+    )
+    page = open_tab()
+    page.add_init_script(
+        """const fill = CanvasRenderingContext2D.prototype.fillText;
+        window.texts = {};
+        CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+          if (this.textAlign === "right") texts[text] = x - this.measureText(text).width;
+          fill.call(this, text, x, y);
+        };"""
+    )
+    page.goto((tmp_path / "replay.html").as_uri())
+    until(page, lambda: frames(page) > 0)
+    begins = page.evaluate("texts")
+    assert begins.keys() == {shown, "58.6"}
+    assert min(begins.values()) >= 0
+
+
 def test_a_page_keeps_to_its_size_and_says_which_frames_it_left_out(
     tmp_path: Path, open_tab: Callable[..., Page]
 ) -> None:

@@ -149,7 +149,7 @@ def _plot(chart: Canvas, scene: Scene, frame: int) -> None:
     top, bottom = 20, chart.height - 26
     y = bottom - (bottom - top) * (lines - low) / (high - low)
     for number, place in ((high, top), (low, bottom)):
-        shown = truncate(f"{number:.3g}", SMALL, AXIS)
+        shown = truncate(f"{0 if abs(number) < (high - low) / 1000 else number:.3g}", SMALL, AXIS)
         chart.text((AXIS, place - 1), shown, SMALL, MUTED, anchor="rm")
     chart.line([(left, bottom), (right, bottom)], MUTED)
     for mark in _marks(len(lines), right - left):

@@ -90,14 +90,19 @@ function chartOf(canvas, key, theme) {
     return high > low ? [low, high] : Number.isFinite(low) ? [low, low + 1] : [0, 1];
   }
 
+  // In few digits: what is next to nothing beside the range is nothing.
+  function bound(value, span) {
+    return Math.abs(value) < span / 1000 ? 0 : +value.toPrecision(3);
+  }
+
   function drawCurves(pen, width, height) {
     const [low, high] = range(), bottom = height - BOTTOM;
     const x = across(width), y = value => bottom - (bottom - TOP) * (value - low) / (high - low);
     pen.font = "10px sans-serif";
     pen.fillStyle = theme().muted;
     pen.textAlign = "right";
-    pen.fillText(+high.toPrecision(3), LEFT - 4, TOP + 4);
-    pen.fillText(+low.toPrecision(3), LEFT - 4, bottom + 3);
+    pen.fillText(bound(high, high - low), LEFT - 4, TOP + 4);
+    pen.fillText(bound(low, high - low), LEFT - 4, bottom + 3);
     drawAxis(pen, x, bottom, width);
     pen.lineWidth = 1.4;
     for (const line of lines) {
