@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import Array, lax
+from tests.lacking import lacking
 from tests.physics.kernels import USABLE
 
 from ethogram.core.errors import EthogramError, InvalidSettings
@@ -33,10 +34,16 @@ from ethogram.physics.beams3d import (
     stack,
 )
 
-pytestmark = pytest.mark.skipif(not USABLE, reason="no kernel was built for this processor")
-
 BEST = USABLE[0] if USABLE else "auto"
 FUSED = [name for name in USABLE if name in ("x86-64-v4", "x86-64-v3")]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _a_kernel() -> None:
+    if not USABLE:
+        lacking("no kernel was built, or none for this processor: see ethogram doctor")
+
+
 ELL = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
 RING = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 0, 1), (2, 0, 2), (1, 0, 2), (0, 0, 2)]
 EARTH = (0.5, 0.2, -9.81)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
+from tests.lacking import lacking
 from tests.tiny_kernel import build_hook, write_project
 
 from ethogram.core.errors import EthogramError, UnknownName
@@ -28,7 +29,7 @@ def checkout(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ETHOGRAM_BUILD_KERNEL", "auto")
         if not build_hook().build(root, root / "_native", said.append):
-            pytest.skip(said[0])
+            lacking(said[0])
     return root
 
 
