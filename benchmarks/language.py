@@ -25,22 +25,18 @@ update after every 100 of them; and how long the thesis plan would take, by the 
 cases, corrected by how far those of these two sizes are off.
 """
 
-import argparse
 import json
-import multiprocessing
-import os
 import statistics
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from itertools import count
-from pathlib import Path
-from threading import Barrier
 from typing import TYPE_CHECKING, Any
+
+from common.processes import Place, options, side_by_side
 
 if TYPE_CHECKING:
     from ethogram.learners.maddpg import MADDPG
@@ -50,7 +46,6 @@ ROBOTS, TARGETS, SYMBOLS, STEPS = 2, 3, 10, 25  # what the peers' game has
 MOVES = 5
 ROUNDS, SECONDS = 5, 1.0  # of the processor, for each side in a round
 STEPS_PER_CALL = 10_000  # about; so many that the price of a call vanishes
-PATIENCE = 60.0  # seconds that a process waits for the others
 
 Run = Callable[[], int]  # takes a chunk of environment steps and says how many they were
 
@@ -210,7 +205,7 @@ PER_UPDATE = 100  # environment steps
 MAKERS = SIDES | {f"{robots}x{robots}": partial(training, robots) for robots in TRAINED}
 
 
-def measure(sides: list[str], copies: int, together: Barrier) -> list[dict[str, float]]:
+def measure(sides: list[str], copies: int, place: Place) -> list[dict[str, float]]:
     """Per round: environment steps per second of each side in this process."""
     runs = {side: MAKERS[side](copies) for side in sides}
     for run in runs.values():
@@ -219,7 +214,7 @@ def measure(sides: list[str], copies: int, together: Barrier) -> list[dict[str, 
     for _ in range(ROUNDS):
         rates = {}
         for side, run in runs.items():
-            together.wait()
+            place.start()
             began, steps = time.process_time(), 0
             while (spent := time.process_time() - began) < SECONDS:
                 steps += run()
@@ -228,17 +223,9 @@ def measure(sides: list[str], copies: int, together: Barrier) -> list[dict[str, 
     return rounds
 
 
-def side_by_side(cores: int, sides: list[str], copies: int) -> dict[str, list[float]]:
+def rounds_of(cores: int, sides: list[str], copies: int) -> dict[str, list[float]]:
     """Per side: the sum over one process per core in each round."""
-    context = multiprocessing.get_context("spawn")
-    quiet = {"initializer": os.dup2, "initargs": (2, 1)}  # what a peer prints is not in the table
-    with (
-        context.Manager() as manager,
-        ProcessPoolExecutor(cores, mp_context=context, **quiet) as pool,
-    ):
-        together = manager.Barrier(cores, timeout=PATIENCE)  # broken if a process fails
-        jobs = [pool.submit(measure, sides, copies, together) for _ in range(cores)]
-        found = [job.result() for job in jobs]
+    found = side_by_side(cores, measure, sides, copies, quiet=True)  # a peer prints what it likes
     return {
         side: [sum(rates[side] for rates in same) for same in zip(*found, strict=True)]
         for side in sides
@@ -253,7 +240,7 @@ def world_speed(cores: int, sides: list[str]) -> list[dict[str, Any]]:
     print("| ---: |" + " ---: |" * (len(sides) + len(peers)))
     rows = []
     for copies in COPIES:
-        rounds = side_by_side(cores, sides, copies)
+        rounds = rounds_of(cores, sides, copies)
         median = {side: statistics.median(rates) for side, rates in rounds.items()}
         figures = [
             f"{median[side] / 1e3:,.1f} k/s ({min(rates) / 1e3:,.1f} to {max(rates) / 1e3:,.1f})"
@@ -278,7 +265,7 @@ def training_speed(cores: int) -> dict[str, Any]:
     found = {}
     for robots, symbols in TRAINED.items():
         game = f"{robots}x{robots}"
-        rates = side_by_side(cores, [game], 1)[game]
+        rates = rounds_of(cores, [game], 1)[game]
         rate = statistics.median(rates)
         seconds = 20_000 * STEPS / rate
         whole = sweep / (update_seconds(learner_at(robots)) * rate / PER_UPDATE)
@@ -293,28 +280,21 @@ def training_speed(cores: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, print a table, and keep the figures where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cores", type=int, default=os.cpu_count())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-
-    from ethogram.campaign.threads import limit_threads
-
-    limit_threads()  # as in a campaign: one thread per process
+    chosen = options(__doc__)
     sides = [side for side in SIDES if find_spec(side)]
     for side in sorted(SIDES.keys() - sides):
         print(f"{side} is left out: it is not installed (pip install '.[bench]')", file=sys.stderr)
     figures = {
-        "worlds": world_speed(options.cores, sides),
-        "training": training_speed(options.cores),
+        "worlds": world_speed(chosen.cores, sides),
+        "training": training_speed(chosen.cores),
     }
-    if options.json:
+    if chosen.json:
         figures |= {
-            "cores": options.cores,
+            "cores": chosen.cores,
             "python": sys.version.split()[0],
             "versions": {package: version(package) for package in ["jax", *sides]},
         }
-        options.json.write_text(json.dumps(figures))
+        chosen.json.write_text(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -19,18 +19,14 @@ The scaling curve is of random authors whose every paper is accepted, so that th
 is known beforehand, on one core.
 """
 
-import argparse
 import json
 import math
-import multiprocessing
-import os
 import sys
 import time
 from bisect import bisect_right, insort
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
-from threading import Barrier
 from typing import Any
+
+from common.processes import Place, alone, options, side_by_side
 
 AUTHORS, JOURNALS, PAPERS, YEARS, STEPS = 100, 20, 1000, 20, 10
 RUNS, NAIVE_RUNS = 64, 1  # seeds of each side; of the naive model, for each core
@@ -42,7 +38,6 @@ SCALES = (  # authors, journals, initial papers, years: 10^4 to 10^7 papers
     (10_000, 200, 10_000, 100),
 )
 CLOSE = 0.03  # how near the two sides' means must be, relative
-PATIENCE = 600.0  # seconds that a process waits for the others
 REFERENCES, Q_MAX, BINS, FEW = 10, 15.0, 10, 0.25
 
 Result = dict[str, float]
@@ -71,21 +66,20 @@ def run_of(world: Any, author: str, editor: str) -> Any:
     return run
 
 
-def ours(runs: int, core: int, together: Barrier) -> Result:
+def ours(runs: int, place: Place) -> Result:
     """Our world: all runs of a process in one program."""
-    os.sched_setaffinity(0, {core})
     import jax
 
     from ethogram.worlds.publishing import Publishing
 
     run = run_of(Publishing(), "minded", "mild_scrutiny")
-    keys = jax.random.split(jax.random.key(core), runs)
+    keys = jax.random.split(jax.random.key(place.core), runs)
     began = time.perf_counter()
     program = jax.jit(lambda keys: jax.lax.map(run, keys)).lower(keys).compile()
     compiled = time.perf_counter() - began
     for _ in range(WARM_UP):  # the first calls also fetch memory
         jax.block_until_ready(program(keys))
-    together.wait()
+    place.start()
     began, spent = time.perf_counter(), time.process_time()
     for _ in range(REPEATS):
         papers, h_index = jax.block_until_ready(program(keys))
@@ -93,15 +87,14 @@ def ours(runs: int, core: int, together: Barrier) -> Result:
     return found | {"compile": compiled}
 
 
-def mesas(runs: int, core: int, together: Barrier, naive: bool = False) -> Result:
+def mesas(runs: int, naive: bool, place: Place) -> Result:
     """The Mesa model, run after run."""
-    os.sched_setaffinity(0, {core})
     model = mesa_model()
-    together.wait()
+    place.start()
     began, spent = time.perf_counter(), time.process_time()
     papers, h_index = 0.0, 0.0
     for run in range(runs):
-        system = model(seed=1000 * core + run, naive=naive)
+        system = model(seed=1000 * place.core + run, naive=naive)
         for _ in range(YEARS * STEPS):
             system.step()
         papers += len(system.level) / runs
@@ -378,9 +371,8 @@ def mesa_model() -> Any:
     return Model
 
 
-def scaled(authors: int, journals: int, papers: int, years: int, core: int) -> tuple[int, float]:
+def scaled(authors: int, journals: int, papers: int, years: int) -> tuple[int, float]:
     """Papers at the end of a run, and the seconds that it takes."""
-    os.sched_setaffinity(0, {core})
     import jax
 
     from ethogram.worlds.publishing import Publishing
@@ -396,29 +388,14 @@ def scaled(authors: int, journals: int, papers: int, years: int, core: int) -> t
     return published, best
 
 
-def side_by_side(job: Any, cores: int, runs: int, *extra: Any) -> list[Result]:
-    """A process on each core, at the same time, each with its share of the runs."""
-    context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(cores, mp_context=context) as pool:
-        together = manager.Barrier(cores, timeout=PATIENCE)  # broken if a process fails
-        jobs = [pool.submit(job, runs // cores, core, together, *extra) for core in range(cores)]
-        return [job.result() for job in jobs]
-
-
 def main() -> None:
     """Measure, print the tables, and keep the figures where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cores", type=int, default=os.cpu_count())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-
-    from ethogram.campaign.threads import limit_threads
-
-    limit_threads()  # as in a campaign: one thread per process
+    chosen = options(__doc__)
+    share = RUNS // chosen.cores
     sides = {
-        "Ethogram": side_by_side(ours, options.cores, RUNS),
-        "Mesa, the same algorithm": side_by_side(mesas, options.cores, RUNS),
-        "Mesa, naive": side_by_side(mesas, options.cores, NAIVE_RUNS * options.cores, True),
+        "Ethogram": side_by_side(chosen.cores, ours, share),
+        "Mesa, the same algorithm": side_by_side(chosen.cores, mesas, share, False),
+        "Mesa, naive": side_by_side(chosen.cores, mesas, NAIVE_RUNS, True),
     }
     rates = {}
     rows = []
@@ -458,8 +435,7 @@ def main() -> None:
     print("| papers | seconds | papers per second |\n| ---: | ---: | ---: |")
     curve = []
     for scale in SCALES:
-        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-            papers, seconds = pool.submit(scaled, *scale, 0).result()
+        papers, seconds = alone(scaled, *scale)
         curve.append((papers, seconds))
         print(f"| {papers} | {seconds:.3g} | {papers / seconds:.3g} |", flush=True)
     x, y = ([math.log(one) for one in part] for part in zip(*curve, strict=True))
@@ -468,11 +444,11 @@ def main() -> None:
         (a - middle[0]) ** 2 for a in x
     )
     print(f"\nTime grows with papers to the power {exponent:.2f} (least squares of logarithms).")
-    if options.json:
-        options.json.write_text(
+    if chosen.json:
+        chosen.json.write_text(
             json.dumps(
                 {
-                    "cores": options.cores,
+                    "cores": chosen.cores,
                     "python": sys.version.split()[0],
                     "rows": rows,
                     "ratio": ratio,

@@ -20,15 +20,12 @@ non-sensing and with sensing controllers; and a rollout through `World.step`, in
 are these sensing controllers, each robot's its own.
 """
 
-import argparse
 import json
-import multiprocessing
-import os
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from threading import Barrier
+
+from common.processes import Place, alone, options, side_by_side
 
 BODIES = {"worm": "worm", "tripod": "tripod", "4x4x3": "|".join(["/".join(["####"] * 3)] * 4)}
 ROBOTS = (1, 32, 256, 2048)
@@ -36,13 +33,11 @@ KINDS = ("non-sensing", "sensing")
 STEPS, SECONDS = 200, 1.5  # of a simulation; of a measurement, at least
 KERNELS = ("x86-64-v4", "x86-64-v3", "x86-64", "portable")
 LOOPED = 200  # steps of the loop in NumPy
-PATIENCE = 300.0  # seconds that a process waits for the others
 THESIS_VOXEL_STEPS = 3 * 2 * 2 * 30 * 6230 * 10_000 * 6  # six voxels on average
 
 
-def rates(body: str, kind: str, core: int, together: Barrier) -> list[float]:
+def rates(body: str, kind: str, place: Place) -> list[float]:
     """Voxel-steps per second in this process, for each number of robots."""
-    os.sched_setaffinity(0, {core})
     import equinox as eqx
     import jax
     import jax.numpy as jnp
@@ -64,7 +59,7 @@ def rates(body: str, kind: str, core: int, together: Barrier) -> list[float]:
         )
         block = robots if robots < BLOCK_ROBOTS else None
         way = go(world, controller, genes, gravity, block_size=block).distance  # compiles
-        together.wait()
+        place.start()
         began, episodes, total = time.perf_counter(), 0, 0.0
         while time.perf_counter() - began < SECONDS:
             way = go(world, controller, genes, gravity, block_size=block).distance
@@ -77,9 +72,8 @@ def rates(body: str, kind: str, core: int, together: Barrier) -> list[float]:
     return found
 
 
-def looped(body: str, core: int) -> float:
+def looped(body: str) -> float:
     """Voxel-steps per second of the loop in NumPy, which must go where our robot goes."""
-    os.sched_setaffinity(0, {core})
     sys.path.insert(0, str(Path(__file__).parents[1]))
     import jax.numpy as jnp
     import numpy as np
@@ -108,12 +102,11 @@ def looped(body: str, core: int) -> float:
     return LOOPED * len(cells) / spent
 
 
-def beside_jax(body: str, kernel: str, core: int) -> dict[str, float] | None:
+def beside_jax(body: str, kernel: str) -> dict[str, float] | None:
     """Voxel-steps per second of processor time by a kernel, or by JAX ("none").
 
     None if the kernel cannot be used here.
     """
-    os.sched_setaffinity(0, {core})
     import equinox as eqx
     import jax
     import jax.numpy as jnp
@@ -181,9 +174,9 @@ def kernels_beside_jax() -> list[dict[str, object]]:
     """The second table: a row per body and kernel."""
     rows = []
     for name in ("tripod", "4x4x3"):
-        in_jax = in_process(beside_jax, BODIES[name], "none", 0)
+        in_jax = alone(beside_jax, BODIES[name], "none")
         for kernel in KERNELS:
-            found = in_process(beside_jax, BODIES[name], kernel, 0)
+            found = alone(beside_jax, BODIES[name], kernel)
             if found is None:
                 continue
             if not rows:
@@ -195,38 +188,21 @@ def kernels_beside_jax() -> list[dict[str, object]]:
     return rows
 
 
-def side_by_side(cores: int, body: str, kind: str) -> list[float]:
+def total(cores: int, body: str, kind: str) -> list[float]:
     """The sum over processes that measure at the same time, for each number of robots."""
-    context = multiprocessing.get_context("spawn")
-    with context.Manager() as manager, ProcessPoolExecutor(cores, mp_context=context) as pool:
-        together = manager.Barrier(cores, timeout=PATIENCE)  # broken if a process fails
-        jobs = [pool.submit(rates, body, kind, core, together) for core in range(cores)]
-        return [sum(same) for same in zip(*(job.result() for job in jobs), strict=True)]
-
-
-def in_process(measure, *arguments):
-    """What a function measures in a process of its own."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(measure, *arguments).result()
+    return [sum(same) for same in zip(*side_by_side(cores, rates, body, kind), strict=True)]
 
 
 def main() -> None:
     """Measure, print a table, and keep the figures where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cores", type=int, default=os.cpu_count())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-
-    from ethogram.campaign.threads import limit_threads
-
-    limit_threads()  # as in a campaign: one thread per process
+    chosen = options(__doc__)
     columns = [f"{kind}, {cores}" for kind in KINDS for cores in ("one core", "all cores")]
     print("| body | robots |", " | ".join(columns), "| a loop in NumPy, one core |")
     print("| --- | ---: |" + " ---: |" * (len(columns) + 1))
     rows = []
     for name, body in BODIES.items():
-        loop = in_process(looped, body, 0)
-        each = [side_by_side(cores, body, kind) for kind in KINDS for cores in (1, options.cores)]
+        loop = alone(looped, body)
+        each = [total(cores, body, kind) for kind in KINDS for cores in (1, chosen.cores)]
         for robots, *found in zip(ROBOTS, *each, strict=True):
             figures = " | ".join(f"{rate / 1e6:.2f} M/s" for rate in found)
             print(f"| {name} | {robots} | {figures} | {loop / 1e3:.2f} k/s |", flush=True)
@@ -245,9 +221,9 @@ def main() -> None:
         f"which sensing controllers have two output laws: {1.5 * hours:.1f} h."
     )
     kernels = kernels_beside_jax()
-    if options.json:
-        about = {"cores": options.cores, "python": sys.version.split()[0]}
-        options.json.write_text(json.dumps(about | {"rows": rows, "kernels": kernels}))
+    if chosen.json:
+        about = {"cores": chosen.cores, "python": sys.version.split()[0]}
+        chosen.json.write_text(json.dumps(about | {"rows": rows, "kernels": kernels}))
 
 
 if __name__ == "__main__":

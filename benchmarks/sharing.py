@@ -9,23 +9,20 @@ campaign uses the machine.  Every return goes into the scan's carry and out to t
 that nothing can be optimised away.
 """
 
-import argparse
 import json
-import multiprocessing
-import os
 import resource
 import sys
 import time
-from pathlib import Path
+
+from common.processes import Place, options, side_by_side
 
 TRIALS = (1, 20, 80)
 EPSILONS = (1.0, 0.01)
 WARM_UP, SECONDS = 1.0, 8.0  # per measurement
-PATIENCE = 300.0  # seconds
 THESIS_AGENT_STEPS = 24 * 20 * 20_000 * 100 * 10
 
 
-def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> dict[str, float]:
+def measure(trials: int, epsilon: float, place: Place) -> dict[str, float]:
     """Agent-steps per second in this process, and its peak memory in bytes."""
     import equinox as eqx
     import jax.numpy as jnp
@@ -64,7 +61,7 @@ def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> di
         return carry, done, chunks * episodes / (time.perf_counter() - began)
 
     carry, done, _ = run_for(WARM_UP, carry, done)  # compiles
-    start.wait()
+    place.start()
     carry, done, rate = run_for(SECONDS, carry, done)
     if not float(carry[1]) > 0:
         raise RuntimeError("nothing was earned: the benchmark does not measure training")
@@ -74,43 +71,21 @@ def measure(trials: int, epsilon: float, start: "multiprocessing.Barrier") -> di
     }
 
 
-def _worker(trials, epsilon, start, answers):
-    answers.put(measure(trials, epsilon, start))
-
-
-def side_by_side(processes: int, trials: int, epsilon: float) -> dict[str, float]:
+def total(cores: int, trials: int, epsilon: float) -> dict[str, float]:
     """The sum over processes that measure at the same time."""
-    context = multiprocessing.get_context("spawn")
-    start, answers = context.Barrier(processes), context.Queue()
-    crew = [
-        context.Process(target=_worker, args=(trials, epsilon, start, answers))
-        for _ in range(processes)
-    ]
-    for process in crew:
-        process.start()
-    found = [answers.get(timeout=PATIENCE) for _ in crew]  # a process that died never answers
-    for process in crew:
-        process.join()
+    found = side_by_side(cores, measure, trials, epsilon)
     return {name: sum(each[name] for each in found) for name in found[0]}
 
 
 def main() -> None:
     """Measure, print a table, and keep the figures where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cores", type=int, default=os.cpu_count())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-
-    from ethogram.campaign.threads import limit_threads
-
-    limit_threads()  # as in a campaign: one thread per process
+    chosen = options(__doc__)
     rows = []
     print("| trials | epsilon | one core | all cores | peak memory, one process | thesis plan |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
     for trials in TRIALS:
         for epsilon in EPSILONS:
-            one = side_by_side(1, trials, epsilon)
-            every = side_by_side(options.cores, trials, epsilon)
+            one, every = (total(cores, trials, epsilon) for cores in (1, chosen.cores))
             minutes = THESIS_AGENT_STEPS / every["agent_steps_per_second"] / 60
             rows.append(
                 {
@@ -128,9 +103,9 @@ def main() -> None:
                 f"| {one['peak_bytes'] / 1e9:.2f} GB | {minutes:.1f} min |",
                 flush=True,
             )
-    if options.json:
-        options.json.write_text(
-            json.dumps({"cores": options.cores, "python": sys.version.split()[0], "rows": rows})
+    if chosen.json:
+        chosen.json.write_text(
+            json.dumps({"cores": chosen.cores, "python": sys.version.split()[0], "rows": rows})
         )
 
 

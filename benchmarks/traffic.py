@@ -10,23 +10,20 @@ how a campaign uses the machine.  1000 cars drive on a grid whose sections are 2
 they meet as often as 40 on the usual one.  Compiling is not counted.
 """
 
-import argparse
 import json
-import multiprocessing
-import os
 import sys
 import time
-from pathlib import Path
+
+from common.processes import Place, options, side_by_side
 
 CARS, COPIES = (10, 40, 80, 1000), (1, 64, 1024)
 LENGTH = 2500.0  # m, of the sections that 1000 cars drive on
 STEPS = 2_000_000  # car-steps of a call, about
 WARM_UP, SECONDS = 0.5, 4.0  # per measurement
-PATIENCE = 600.0  # seconds
 TABLE = 97  # rows of actions, used in turn
 
 
-def measure(cars: int, copies: int, start: "multiprocessing.Barrier") -> dict[str, float]:
+def measure(cars: int, copies: int, place: Place) -> float:
     """Car-steps per second in this process."""
     import jax
     import jax.numpy as jnp
@@ -68,59 +65,33 @@ def measure(cars: int, copies: int, start: "multiprocessing.Barrier") -> dict[st
         return carry, chunks * steps * copies * cars / (time.perf_counter() - began)
 
     carry, _ = run_for(WARM_UP, carry)  # compiles
-    start.wait()
+    place.start()
     carry, rate = run_for(SECONDS, carry)
     if not float(abs(carry[1]).sum()) > 0:
         raise RuntimeError("nothing was seen: the benchmark does not measure driving")
-    return {"car_steps_per_second": rate}
-
-
-def _worker(cars, copies, start, answers):
-    answers.put(measure(cars, copies, start))
-
-
-def side_by_side(processes: int, cars: int, copies: int) -> float:
-    """The sum over processes that measure at the same time."""
-    context = multiprocessing.get_context("spawn")
-    start, answers = context.Barrier(processes), context.Queue()
-    crew = [
-        context.Process(target=_worker, args=(cars, copies, start, answers))
-        for _ in range(processes)
-    ]
-    for process in crew:
-        process.start()
-    found = [answers.get(timeout=PATIENCE) for _ in crew]  # a process that died never answers
-    for process in crew:
-        process.join()
-    return sum(each["car_steps_per_second"] for each in found)
+    return rate
 
 
 def main() -> None:
     """Measure, print a table, and keep the figures where asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cores", type=int, default=os.cpu_count())
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-
-    from ethogram.campaign.threads import limit_threads
-
-    limit_threads()  # as in a campaign: one thread per process
+    chosen = options(__doc__)
     rows = []
     print("| cars | copies | one core, car-steps/s | all cores | ns per car-step, one core |")
     print("| ---: | ---: | ---: | ---: | ---: |")
     for cars in CARS:
         for copies in COPIES:
-            one = side_by_side(1, cars, copies)
-            every = side_by_side(options.cores, cars, copies)
+            one, every = (
+                sum(side_by_side(cores, measure, cars, copies)) for cores in (1, chosen.cores)
+            )
             rows.append({"cars": cars, "copies": copies, "one_core": one, "all_cores": every})
             print(
                 f"| {cars} | {copies} | {one / 1e6:.2f} M | {every / 1e6:.2f} M "
                 f"| {1e9 / one:.0f} |",
                 flush=True,
             )
-    if options.json:
-        options.json.write_text(
-            json.dumps({"cores": options.cores, "python": sys.version.split()[0], "rows": rows})
+    if chosen.json:
+        chosen.json.write_text(
+            json.dumps({"cores": chosen.cores, "python": sys.version.split()[0], "rows": rows})
         )
 
 
