@@ -17,7 +17,6 @@ from ethogram.studies.publishing import results, robustness
 from ethogram.studies.publishing.condition import (
     AUTHOR_LEARNS,
     BIG,
-    DEFAULT,
     EDITOR_LEARNS,
     SCENARIOS,
     SMALL,
@@ -26,7 +25,8 @@ from ethogram.studies.publishing.condition import (
     Condition,
 )
 from ethogram.studies.publishing.plan import Settings, condition_of
-from ethogram.studies.publishing.readings import KEYS, OF_LEARNED, READINGS, WORDS, reading_of
+from ethogram.studies.publishing.readings import KNOWN, OF_LEARNED, READINGS, WORDS
+from ethogram.studies.readings import DEFAULT, keys_of, reading_of
 from ethogram.worlds.publishing.scene import ACCEPTED, DRAFTED, REJECTED
 
 PUBLISHED = Path(__file__).parents[2] / "docs" / "results" / "records" / "publishing"
@@ -74,13 +74,13 @@ def test_the_thesis_plan_has_the_eight_scenarios_and_every_reading_of_those_that
 
 
 def test_readings_are_known_by_what_they_change():
-    default = dict.fromkeys(KEYS) | {"bin_rule": "ranked"}
-    assert reading_of(default, default) == DEFAULT
+    default = dict.fromkeys(keys_of(KNOWN)) | {"bin_rule": "ranked"}
+    assert reading_of(default, default, KNOWN) == DEFAULT
     both = default | {"bin_rule": "literal_clamped", "world.undefined_if": 0.0}
-    assert reading_of(both, default) == "literal_bins_zero"
-    assert reading_of(default | {"table": "own"}, default) == "table_own"
-    odd = reading_of(default | {"table": "own", "reward": "level"}, default)
-    assert odd == reading_of(default | {"reward": "level", "table": "own"}, default)
+    assert reading_of(both, default, KNOWN) == "literal_bins_zero"
+    assert reading_of(default | {"table": "own"}, default, KNOWN) == "table_own"
+    odd = reading_of(default | {"table": "own", "reward": "level"}, default, KNOWN)
+    assert odd == reading_of(default | {"reward": "level", "table": "own"}, default, KNOWN)
     assert odd.startswith("reading_")
     assert set(WORDS) == set(READINGS | OF_LEARNED)
 

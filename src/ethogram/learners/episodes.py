@@ -119,6 +119,23 @@ def episode_returns(transitions: Transition) -> PerRole:
     return returns
 
 
+def episode_sums(transitions: Transition) -> dict[str, Array]:
+    """The world's metrics, each summed over the steps of the first episode: Num[*batch, ...].
+
+    Args:
+        transitions: arrays with axes of batches, then of steps.
+
+    """
+    ends = transitions.episode_end
+    counted = jnp.cumsum(ends, -1) - ends == 0
+
+    def total(values: Array) -> Array:
+        mask = counted.reshape(counted.shape + (1,) * (values.ndim - counted.ndim))
+        return jnp.where(mask, values, 0).sum(counted.ndim - 1)
+
+    return {name: total(values) for name, values in transitions.outcome.metrics.items()}
+
+
 def returns_of_policy(world: World, policy: Policy, key: Key[Array, "episode"]) -> PerRole:
     """What each agent earns in whole episodes, not discounted: Float[episode, agent] per role.
 

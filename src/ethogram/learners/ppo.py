@@ -26,7 +26,7 @@ Presets, and where they differ from their sources:
   takes every end for a termination; deviations of `Box` actions are parameters, not outputs, and
   the actions are in halves of the box.
 - `thesis`: the same objective where two cores have to do.  Differences from `rllib08`: a batch is
-  1 episode (20 000 samples of 40 drivers in 500 steps), a minibatch 2000 samples, 10 epochs (100
+  1 episode (20 000 samples of 40 drivers in 500 steps), a minibatch 1000 samples, 10 epochs (200
   steps of Adam an update), a learning rate ten times as high (5e-4) for so many fewer steps, and
   networks of 2 x 64.
 
@@ -69,7 +69,13 @@ from ethogram.core.world import PerRole, Transition, World
 from ethogram.learners.action_distributions import action_distribution, action_of
 from ethogram.learners.base import Metrics
 from ethogram.learners.critic_input import Roles
-from ethogram.learners.episodes import acting_steps, episode_returns, play_episodes, role_keys
+from ethogram.learners.episodes import (
+    acting_steps,
+    episode_returns,
+    episode_sums,
+    play_episodes,
+    role_keys,
+)
 from ethogram.learners.experience import (
     Choice,
     Estimation,
@@ -115,7 +121,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "thesis": {
             **_RLLIB_08,
             "learning_rate": 5e-4,
-            "minibatch_size": 2000,
+            "minibatch_size": 1000,
             "epochs": 10,
             "episodes_per_update": 1,
             "hidden_size": 64,
@@ -163,6 +169,7 @@ class PPO(Module):
         normalize_observations: whether `Box` observations are scaled by running statistics.
         normalize_returns: whether rewards are scaled by the running deviation of returns.
         squash: whether `Box` actions are squashed by tanh; else they are clipped.
+        track: names of the world's metrics whose sums over an episode are metrics, too.
 
     """
 
@@ -193,6 +200,7 @@ class PPO(Module):
     normalize_observations: bool = setting(False, bool, static=True)
     normalize_returns: bool = setting(False, bool, static=True)
     squash: bool = setting(False, bool, static=True)
+    track: tuple[str, ...] = eqx.field(default=(), static=True)
 
     def __check_init__(self) -> None:
         """Refuse a trunk for two that read different things.
@@ -260,6 +268,7 @@ class PPO(Module):
             side by side, Float[episode, agent] per role; and per role, a number of each or, without
             `shared`, Float[agent]: means over the update `policy_loss`, `value_loss`, `entropy` and
             `clip_fraction`, the mean over its last epoch `kl`, and `kl_coefficient` after it.
+            Of what it tracks, in `episode_sums`, by name, Num[episode, ...] of the same episodes.
 
         """
         for_play, for_learning = jax.random.split(key)
@@ -286,7 +295,8 @@ class PPO(Module):
             metric: {name: found[metric] for name, found in metrics.items()} for metric in METRICS
         }
         after = PPOState(roles, state.updates + 1)
-        return after, {"episode_return": episode_returns(played), **per_role}
+        tracked = {"episode_sums": episode_sums(played)} if self.track else {}
+        return after, {"episode_return": episode_returns(played), **tracked, **per_role}
 
     def policy(self, state: PPOState, *, explore: bool = False) -> Policy:
         """How the agents act in one world.
@@ -332,13 +342,14 @@ class PPO(Module):
     def _kept(self, state: PPOState, transition: Transition) -> Transition:
         """Of a transition what is learned from, with the value of what was reached."""
         outcome = transition.outcome
+        tracked = {name: outcome.metrics[name] for name in self.track}
         _, next_value = self._group(self.world.roles).judge(state.roles, outcome.observation)
         return dataclasses.replace(
             transition,
             state=None,
             next_state=None,
             action={},
-            outcome=dataclasses.replace(outcome, observation={}, metrics={}),
+            outcome=dataclasses.replace(outcome, observation={}, metrics=tracked),
             extras=transition.extras._replace(next_value=next_value),
         )
 

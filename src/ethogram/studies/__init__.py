@@ -38,6 +38,7 @@ STUDIES: "Registry[Study]" = Registry(
     {
         "language": "ethogram.studies.language",
         "publishing": "ethogram.studies.publishing",
+        "rules": "ethogram.studies.rules",
         "sensing": "ethogram.studies.sensing",
         "sharing": "ethogram.studies.sharing",
     },

@@ -114,14 +114,14 @@ def trials_in_turn(
     return finished
 
 
-def training_points(episodes: int, record_every: int) -> Any:
+def training_points(count: int, record_every: int, unit: str = "episode") -> Any:
     """The coordinate of a learning curve: the last episode of each point, for an `xarray.Dataset`.
 
-    The last point may have fewer episodes than the others.
+    The last point may have fewer episodes than the others.  The unit may be another one: "update".
     """
-    ends = np.arange(record_every, episodes + record_every, record_every)
-    attributes = {"long_name": "training episodes", "units": "episode"}
-    return "point", np.minimum(ends, episodes), attributes
+    ends = np.arange(record_every, count + record_every, record_every)
+    attributes = {"long_name": f"training {unit}s", "units": unit}
+    return "point", np.minimum(ends, count), attributes
 
 
 def learning_curve(

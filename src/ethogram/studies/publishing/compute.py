@@ -22,7 +22,6 @@ from ethogram.core.world import PerRole, World
 from ethogram.learners.base import Metrics
 from ethogram.learners.qlearning import QLearning, QLearningState
 from ethogram.studies.publishing import records
-from ethogram.studies.publishing.condition import DEFAULT
 from ethogram.studies.publishing.plan import (
     Settings,
     condition_of,
@@ -30,6 +29,7 @@ from ethogram.studies.publishing.plan import (
     policy_of,
     world_of,
 )
+from ethogram.studies.readings import DEFAULT
 from ethogram.studies.training import Arrays, train_case
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.indicators import INDICATORS

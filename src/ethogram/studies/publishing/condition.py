@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from ethogram.studies.readings import DEFAULT
+
 Author = Literal["random", "minded", "learned"]
 Editor = Literal["accept_everything", "mild_scrutiny", "improve_only", "learned"]
 YEARS, STEPS_PER_YEAR = 20, 10  # that the chapter speaks of
@@ -23,7 +25,6 @@ class Size(NamedTuple):
 
 
 SMALL, BIG = Size(100, 20, 1000), Size(1000, 40, 10_000)
-DEFAULT = "default"  # the reading of the sheet and of all figures
 
 
 @dataclass(frozen=True)

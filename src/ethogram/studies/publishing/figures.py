@@ -24,7 +24,7 @@ from ethogram.studies.plotting import (
     style,
     svg,
 )
-from ethogram.studies.publishing.condition import DEFAULT, FIGURES, SNAPSHOTS, Condition
+from ethogram.studies.publishing.condition import FIGURES, SNAPSHOTS, Condition
 from ethogram.studies.publishing.results import (
     Results,
     correlations,
@@ -33,6 +33,7 @@ from ethogram.studies.publishing.results import (
     latent,
     papers_per_year,
 )
+from ethogram.studies.readings import DEFAULT
 from ethogram.worlds.publishing.impact_2018 import IMPACT_2018
 
 if TYPE_CHECKING:  # slow to load, and only drawing needs it

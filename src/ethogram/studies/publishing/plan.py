@@ -1,7 +1,6 @@
 """Settings, conditions and plans of the study: what is run, and at what price."""
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -24,7 +23,8 @@ from ethogram.studies.publishing.condition import (
     Editor,
     Size,
 )
-from ethogram.studies.publishing.readings import OF_LEARNED, READINGS, Scalar, reading_of
+from ethogram.studies.publishing.readings import KNOWN, OF_LEARNED, READINGS
+from ethogram.studies.readings import Readings, reading_of
 from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.learnable import LearnablePublishing, Reward
 from ethogram.worlds.publishing.policies import (
@@ -102,7 +102,7 @@ _LEARNED = (_EDITOR_LEARNS, _AUTHOR_LEARNS)
 _SCENARIOS = (_EDITOR_LEARNS, _AUTHOR_LEARNS, _BIG, _STATIC)  # what takes longest comes first
 
 
-def _under(readings: Mapping[str, Mapping[str, Scalar]], *grids: Grid) -> list[Grid]:
+def _under(readings: Readings, *grids: Grid) -> list[Grid]:
     """Grids under each of some readings but the default."""
     return [
         {**grid, **{key: (value,) for key, value in changes.items()}}
@@ -158,7 +158,7 @@ def condition_of(settings: Settings) -> Condition:
         settings.author,
         settings.editor,
         Size(world.authors, world.journals, world.initial_papers),
-        reading_of(flat, default),
+        reading_of(flat, default, KNOWN),
     )
 
 

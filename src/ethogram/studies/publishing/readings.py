@@ -5,14 +5,7 @@ those about what is learned under `OF_LEARNED`: the robustness table.  The defau
 stands with the settings (`worlds.publishing.world`).
 """
 
-import hashlib
-import json
-from collections.abc import Mapping
-from typing import Any
-
-from ethogram.studies.publishing.condition import DEFAULT
-
-Scalar = str | int | float | None
+from ethogram.studies.readings import DEFAULT, Scalar
 
 _LITERAL: dict[str, Scalar] = {
     "world.if_timing": "running",
@@ -69,31 +62,7 @@ WORDS = {
     "table_own": "each who learns has a table of its own",
 }
 
-_KNOWN = READINGS | OF_LEARNED
-KEYS = tuple(dict.fromkeys(key for changes in _KNOWN.values() for key in changes))
-
-
-def reading_of(settings: Mapping[str, Any], default: Mapping[str, Any]) -> str:
-    """The name of the reading that settings are of, given those of the default.
-
-    Args:
-        settings: by dotted key, at least `KEYS`.
-        default: likewise.
-
-    Returns:
-        A key of `READINGS` or `OF_LEARNED`, or for any other combination a name made of what it
-        changes.
-
-    """
-    changes = {key: settings[key] for key in KEYS if settings[key] != default[key]}
-    for name, known in _KNOWN.items():
-        if changes == known:
-            return name
-    if len(changes) == 1:
-        ((key, value),) = changes.items()
-        return f"{key.rpartition('.')[2]}_{value}"
-    text = json.dumps(changes, sort_keys=True)
-    return f"reading_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+KNOWN = READINGS | OF_LEARNED
 
 
 def words_of(reading: str) -> str:

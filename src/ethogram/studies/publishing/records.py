@@ -15,7 +15,8 @@ import xarray as xr
 from jaxtyping import Float, Int, Num
 
 from ethogram.core.scene import Scene, grouped
-from ethogram.studies.publishing.condition import DEFAULT, SNAPSHOTS, Condition
+from ethogram.studies.publishing.condition import SNAPSHOTS, Condition
+from ethogram.studies.readings import DEFAULT
 from ethogram.worlds.publishing.indicators import INDICATORS
 
 LAST_YEARS = 5  # whose papers are looked at in the end: one year may have too few

@@ -14,7 +14,6 @@ from ethogram.core.findings import Claim
 from ethogram.studies.chapter import Measure
 from ethogram.studies.publishing.condition import (
     BIG,
-    DEFAULT,
     SCENARIOS,
     SMALL,
     STATIC,
@@ -29,6 +28,7 @@ from ethogram.studies.publishing.results import (
     share_in_last_year,
 )
 from ethogram.studies.publishing.statements import AS_STATED, Choices, specs
+from ethogram.studies.readings import DEFAULT
 from ethogram.studies.statistics import ClaimSpec, judge
 
 Judged = dict[int, Claim]  # by number

@@ -8,7 +8,7 @@ from ethogram.campaign.study import Records
 from ethogram.core.findings import Cell, Measured, Table
 from ethogram.studies.chapter import Measure
 from ethogram.studies.publishing import robustness
-from ethogram.studies.publishing.condition import DEFAULT, FIGURES, Condition
+from ethogram.studies.publishing.condition import FIGURES, Condition
 from ethogram.studies.publishing.readings import words_of
 from ethogram.studies.publishing.results import (
     Kind,
@@ -26,6 +26,7 @@ from ethogram.studies.publishing.results import (
     stuck,
 )
 from ethogram.studies.publishing.robustness import Row
+from ethogram.studies.readings import DEFAULT
 from ethogram.studies.statistics import Trials, measured
 
 SCENARIO = ("figure", "authors", "editors", "number of authors", "reading", "runs")
