@@ -112,7 +112,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         fares = among_humans(settings, state, fold_in(for_validation, 1))
         results |= _named("mixed", fares, ("trial", "human", "share", "group"))
     if "greater_good" in parts(settings):
-        results |= _before_a_stopped_car(settings, state, fold_in(for_validation, 2))
+        approached = before_a_stopped_car(settings, state, fold_in(for_validation, 2))
+        results |= _named("approach", approached, ("trial", "road"))
     shown = min(RECORDED, settings.trials)
     first = jax.tree.map(itemgetter(slice(0, shown)), (state, fold_in(for_validation, 3)))
     played = episodes_of(world, learner, *first)
@@ -146,23 +147,9 @@ def _in_traffic(settings: Settings, state: PPOState, keys: Key[Array, "trial"]) 
         in_traffic(settings, state, fold_in(keys, number), explore=how == "drawn")
         for number, how in enumerate(ACTING)
     ]
-    fares = _stacked([fare for fare, _ in each], 1)
+    fares, earned = jax.tree.map(lambda *parts: np.stack(parts, 1), *each)
     found = _named("traffic", fares, ("trial", "acting", "level"))
-    earned = np.stack([np.asarray(earned) for _, earned in each], 1)
     return {**found, "traffic_return": (("trial", "acting", "level"), earned)}
-
-
-def _before_a_stopped_car(
-    settings: Settings, state: PPOState, keys: Key[Array, "trial"]
-) -> dict[str, Any]:
-    roads = [
-        before_a_stopped_car(settings, state, keys, blocked=road == "blocked") for road in ROADS
-    ]
-    return _named("approach", _stacked(roads, 1), ("trial", "road"))
-
-
-def _stacked(each: Any, axis: int) -> Any:
-    return jax.tree.map(lambda *parts: np.stack([np.asarray(part) for part in parts], axis), *each)
 
 
 def _named(what: str, found: Fare | Approach, axes: tuple[str, ...]) -> dict[str, Any]:

@@ -90,18 +90,26 @@ def in_traffic(
 
     """
     world = world_of(settings, cars=max(TRAFFIC))
-    learner = learner_of(settings, world)
+    episodes = settings.validation_episodes
+    return _in_traffic(world, learner_of(settings, world), state, keys, episodes, explore)
 
+
+@eqx.filter_jit
+def _in_traffic(
+    world: Traffic,
+    learner: PPO,
+    state: PPOState,
+    keys: Key[Array, "trial"],
+    episodes: int,
+    explore: bool,
+) -> tuple[Fare, Float[Array, "trial level"]]:
     def at(state: PPOState, key: Key[Array, ""], cars: Int[Array, ""]) -> Any:
-        with_cars = dataclasses.replace(world, cars=cars)
         policy = learner.policy(state, explore=explore)
-        played = _play(with_cars, policy, key, settings.validation_episodes)
+        played = _play(dataclasses.replace(world, cars=cars), policy, key, episodes)
         members = jnp.arange(world.max_cars) < cars
         earned = episode_returns(played)["driver"]
-        earned = jnp.where(members, earned, 0.0).sum(-1) / cars
-        return jax.tree.map(
-            lambda part: part.mean(0), (fare(episode_sums(played), members), earned)
-        )
+        found = fare(episode_sums(played), members), jnp.where(members, earned, 0.0).sum(-1) / cars
+        return jax.tree.map(lambda part: part.mean(0), found)
 
     def every_level(state: PPOState, key: Key[Array, ""]) -> Any:
         levels = jnp.array(TRAFFIC)
@@ -121,15 +129,21 @@ def among_humans(settings: Settings, state: PPOState, keys: Key[Array, "trial"])
         Float[trial, human, share, group], means over cars and episodes; 0 of a group without cars.
 
     """
-    cars = cars_of(settings)
-    world = world_of(settings, cars=0, humans=cars)
+    world = world_of(settings, cars=0, humans=cars_of(settings))
     learner = learner_of(settings, world_of(settings))
+    return _among_humans(world, learner, state, keys, settings.validation_episodes)
+
+
+@eqx.filter_jit
+def _among_humans(
+    world: Traffic, learner: PPO, state: PPOState, keys: Key[Array, "trial"], episodes: int
+) -> Fare:
     features = learner.world.roles["driver"].observation.shape[-1]
     models = [make(world) for make in HUMANS.values()]
-    number = jnp.arange(cars)
+    number = jnp.arange(world.humans)
 
     def at(state: PPOState, key: Key[Array, ""], kind: Array, share: Array) -> Fare:
-        is_human = number >= cars - jnp.round(share * cars)
+        is_human = number >= world.humans - jnp.round(share * world.humans)
         policy = learner.policy(state, explore=True)
 
         def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
@@ -143,8 +157,8 @@ def among_humans(settings: Settings, state: PPOState, keys: Key[Array, "trial"])
             nobody = jnp.ones((world.max_cars, *chosen.shape[1:]), chosen.dtype)
             return {"driver": nobody, "human": chosen}
 
-        played = _play(world, act, key, settings.validation_episodes)
-        sums = {name: values[:, world.max_cars :] for name, values in episode_sums(played).items()}
+        sums = episode_sums(_play(world, act, key, episodes))
+        sums = {name: values[:, world.max_cars :] for name, values in sums.items()}
         both = [fare(sums, members) for members in (~is_human, is_human)]
         return jax.tree.map(lambda *parts: jnp.stack([part.mean(0) for part in parts]), *both)
 
@@ -159,7 +173,7 @@ def among_humans(settings: Settings, state: PPOState, keys: Key[Array, "trial"])
 
 
 def before_a_stopped_car(
-    settings: Settings, state: PPOState, keys: Key[Array, "trial"], *, blocked: bool
+    settings: Settings, state: PPOState, keys: Key[Array, "trial"]
 ) -> Approach:
     """What drivers do who come upon a car that stands in the right lane, or upon none.
 
@@ -169,24 +183,27 @@ def before_a_stopped_car(
     nobody to the right: not beside the car, but too early, or with no car there.
 
     Returns:
-        Float[trial], means over `APPROACHES`.
+        Float[trial, road], means over `APPROACHES`; the same ones on both roads.
 
     """
-    world = world_of(settings, cars=2)
     steps = max(1, round(SECONDS / float(settings.world.time_step)))
-    world = dataclasses.replace(world, steps=steps)
-    learner = learner_of(settings, world)
+    world = dataclasses.replace(world_of(settings, cars=2), steps=steps)
+    return _before_a_stopped_car(world, learner_of(settings, world), state, keys)
 
-    def approach(state: PPOState, key: Key[Array, ""]) -> Approach:
+
+@eqx.filter_jit
+def _before_a_stopped_car(
+    world: Traffic, learner: PPO, state: PPOState, keys: Key[Array, "trial"]
+) -> Approach:
+    def approach(state: PPOState, blocked: Array, key: Key[Array, ""]) -> Approach:
         for_start, for_drive = jax.random.split(key)
-        start, place = _upon(world, for_start, blocked=blocked)
+        start, place = _upon(world, for_start, blocked)
         policy = learner.policy(state, explore=True)
-        played: Transition = rollout(
-            world, policy, for_drive, steps, Position(start, world.observe(start))
-        )[1]
+        at = Position(start, world.observe(start))
+        played: Transition = rollout(world, policy, for_drive, world.steps, at)[1]
         after, broken = played.next_state, played.outcome.metrics["breaches"][:, 0]
         before = (after.element[:, 0] == start.element[0]) & (after.position[:, 0] < place)
-        before &= jnp.cumprod(before).astype(bool)
+        before = jnp.cumprod(before).astype(bool)
         return Approach(
             left_lane=(before & (after.lane[:, 0] > 1)).any(),
             collision=played.outcome.metrics["collision"][:, 0].any(),
@@ -195,8 +212,12 @@ def before_a_stopped_car(
         )
 
     def one(state: PPOState, key: Key[Array, ""]) -> Approach:
-        every = jax.vmap(partial(approach, state))(jax.random.split(key, APPROACHES))
-        return jax.tree.map(lambda part: part.mean(0), every)
+        def on(blocked: Array) -> Approach:
+            each = jax.random.split(key, APPROACHES)
+            every = jax.vmap(partial(approach, state, blocked))(each)
+            return jax.tree.map(lambda part: part.mean(0), every)
+
+        return jax.vmap(on)(jnp.array([road == "blocked" for road in ROADS]))
 
     found: Approach = _each_trial(one, state, keys)
     return found
@@ -214,10 +235,13 @@ def episodes_of(
         )[1]
         return played
 
-    return lax.map(lambda each: one(*each), (state, keys))
+    found: Transition = _each_trial(one, state, keys)
+    return found
 
 
-def _upon(world: Traffic, key: Key[Array, ""], *, blocked: bool) -> tuple[State, Array]:
+def _upon(
+    world: Traffic, key: Key[Array, ""], blocked: Bool[Array, ""]
+) -> tuple[State, Float[Array, ""]]:
     """A start, and the place on the section where a car stands, if one does."""
     for_state, for_gap, for_speed = jax.random.split(key, 3)
     state, _ = world.reset(for_state)
@@ -232,7 +256,7 @@ def _upon(world: Traffic, key: Key[Array, ""], *, blocked: bool) -> tuple[State,
         lane=jnp.ones(2, jnp.int32),
         speed=jnp.stack([speed, jnp.zeros_like(speed)]).astype(state.speed.dtype),
         dead=jnp.array([0, FOR_EVER], jnp.int32),
-        present=jnp.array([True, blocked]),
+        present=jnp.array([True, False]) | blocked,
     ), START + gap
 
 
@@ -257,6 +281,4 @@ def _each_trial(
     of_one: Callable[[PPOState, Key[Array, ""]], Any], state: PPOState, keys: Key[Array, "trial"]
 ) -> Any:
     """One trial after the other, to keep memory low."""
-    return jax.jit(lambda state, keys: lax.map(lambda each: of_one(*each), (state, keys)))(
-        state, keys
-    )
+    return lax.map(lambda each: of_one(*each), (state, keys))
