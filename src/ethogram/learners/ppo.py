@@ -59,7 +59,7 @@ from jax import Array
 from jaxtyping import Int, Key
 from pydantic import Field
 
-from ethogram.core.errors import InvalidSettings
+from ethogram.core.errors import InvalidSettings, UnknownName
 from ethogram.core.memory import readable_bytes, require_memory
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
@@ -270,6 +270,9 @@ class PPO(Module):
             `clip_fraction`, the mean over its last epoch `kl`, and `kl_coefficient` after it.
             Of what it tracks, in `episode_sums`, by name, Num[episode, ...] of the same episodes.
 
+        Raises:
+            UnknownName: a metric to track is none of the world's.
+
         """
         for_play, for_learning = jax.random.split(key)
         group, act = self._group(self.world.roles), partial(self._act, state)
@@ -342,6 +345,9 @@ class PPO(Module):
     def _kept(self, state: PPOState, transition: Transition) -> Transition:
         """Of a transition what is learned from, with the value of what was reached."""
         outcome = transition.outcome
+        for name in self.track:
+            if name not in outcome.metrics:
+                raise UnknownName("metric", name, outcome.metrics)
         tracked = {name: outcome.metrics[name] for name in self.track}
         _, next_value = self._group(self.world.roles).judge(state.roles, outcome.observation)
         return dataclasses.replace(

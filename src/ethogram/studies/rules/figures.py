@@ -27,7 +27,7 @@ from ethogram.studies.rules.condition import COLLIDED, NO_RULES, RULES, Collided
 from ethogram.studies.rules.results import Results
 from ethogram.studies.rules.validation import GROUPS, HUMANS, SHARES, TRAFFIC
 from ethogram.studies.statistics import interval_of_mean
-from ethogram.worlds.traffic.graph import GRAPHS, Graph
+from ethogram.worlds.traffic.graph import Graph, grid_oneway
 
 if TYPE_CHECKING:  # slow to load, and only drawing needs it
     from matplotlib.axes import Axes
@@ -56,7 +56,7 @@ def figures(records: Records) -> list[Figure]:
 
 def _graph() -> Figure:
     """Figure 4.3."""
-    graph = GRAPHS["grid_oneway"]
+    graph = grid_oneway()
     drawing, panels = new_figure(1, 1, width=3.2, height=3.2)
     panel = panels[0, 0]
     spots = np.array(graph.places, float)
@@ -210,7 +210,7 @@ def _mixed(results: Results) -> Figure | None:
     draw_legend(drawing, fullest(panels))
     return Figure(
         name="mixed",
-        title="Among human drivers",
+        title="Collisions among human drivers",
         caption="Collisions of the trained drivers (above) and of the human ones (below), by the "
         "kind of these and their share; means over trials with 95% bands.",
         alt="A panel per kind of human drivers and group: collisions against the share of human "

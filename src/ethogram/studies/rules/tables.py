@@ -110,7 +110,7 @@ def _mixed(results: Results) -> Table:
                         cells.append(None if empty else measured(results.trials(each, at)))
                 rows.append((at.description, human, share, *cells))
     return Table(
-        name="mixed",
+        name="among-humans",
         title="Among human drivers",
         caption=f"Both groups, by the share and the kind of human drivers. {MEANS}.",
         columns=(WHERE, "human drivers", "their share", "E", "C", "E, human", "C, human"),

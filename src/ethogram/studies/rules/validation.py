@@ -197,7 +197,7 @@ def _before_a_stopped_car(
 ) -> Approach:
     def approach(state: PPOState, blocked: Array, key: Key[Array, ""]) -> Approach:
         for_start, for_drive = jax.random.split(key)
-        start, place = _upon(world, for_start, blocked)
+        start, place = upon_a_stopped_car(world, for_start, blocked)
         policy = learner.policy(state, explore=True)
         at = Position(start, world.observe(start))
         played: Transition = rollout(world, policy, for_drive, world.steps, at)[1]
@@ -239,7 +239,7 @@ def episodes_of(
     return found
 
 
-def _upon(
+def upon_a_stopped_car(
     world: Traffic, key: Key[Array, ""], blocked: Bool[Array, ""]
 ) -> tuple[State, Float[Array, ""]]:
     """A start, and the place on the section where a car stands, if one does."""
