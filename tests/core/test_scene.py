@@ -221,3 +221,27 @@ def test_scenes_of_trials_are_groups_of_a_record_and_found_there_again():
 def test_a_scene_without_frames_is_refused():
     with pytest.raises(EthogramError, match=r"frames 0; allowed: one or more"):
         scene(position=np.zeros((0, 2, 2)), tint=np.zeros((0, 2), int), captions=(), series={})
+
+
+def test_a_scene_may_have_fewer_frames_at_the_same_speed():
+    frames, cast = 5, 2
+    fresh = np.zeros((frames, cast), bool)
+    fresh[1, 0] = fresh[4, 1] = True
+    scene = Scene(
+        title="Walk",
+        bounds=(0, 0, 1, 1),
+        frame_seconds=0.5,
+        palette=tints("one"),
+        shapes=(Shape("circle", 0.1),) * cast,
+        position=np.arange(frames * cast * 2.0).reshape(frames, cast, 2),
+        tint=np.zeros((frames, cast), int),
+        fresh=fresh,
+        captions=tuple("abcde"),
+        series={"way": np.arange(5.0)[:, None]},
+    )
+    fewer = scene.every(2)
+    assert (fewer.frame_seconds, fewer.captions) == (1.0, ("a", "c", "e"))
+    np.testing.assert_array_equal(fewer.position, scene.position[::2])
+    np.testing.assert_array_equal(fewer.series["way"][:, 0], [0, 2, 4])
+    np.testing.assert_array_equal(fewer.fresh, [[0, 0], [1, 0], [0, 1]])
+    np.testing.assert_array_equal(scene.every(9).fresh, [[0, 0]])

@@ -169,7 +169,7 @@ def test_only_who_leaves_the_right_lane_gets_past_a_stopped_car():
 def test_scenes_of_the_first_trials_are_kept(records):
     groups = records["rules-restored"]
     assert set(groups) == {"results", "scene", "scene-2"}
-    assert len(Scene.from_dataset(groups["scene"]).position) == SMALL["world.steps"]
+    assert len(Scene.from_dataset(groups["scene"]).position) == SMALL["world.steps"] / 2
 
 
 def test_figures_and_tables_show_what_there_is(records):

@@ -207,6 +207,25 @@ class Scene:
         """
         return _graded(self.axes, self.scale is not None, self.palette)
 
+    def every(self, step: int) -> "Scene":
+        """The same with every so many frames, from the first on, at the same speed."""
+        frames = slice(None, None, step)
+        parts: dict[str, Any] = {name: each[frames] for name, each in self._optional().items()}
+        if self.fresh is not None:  # in any of the frames since the last one that stays
+            starts = [max(0, frame - step + 1) for frame in range(0, len(self.fresh), step)]
+            shown = self.fresh[: starts[-1] + step if len(starts) > 1 else 1]
+            parts["fresh"] = np.logical_or.reduceat(shown, starts)
+        return dataclasses.replace(
+            self,
+            frame_seconds=self.frame_seconds * step,
+            position=self.position[frames],
+            tint=self.tint[frames],
+            captions=self.captions[frames],
+            chapters=self.chapters[frames],
+            series={name: lines[frames] for name, lines in self.series.items()},
+            **parts,
+        )
+
     def visible(self, frames: Any = ...) -> Bool[np.ndarray, "*frame shape"]:
         """Which shapes are drawn: not hidden, finite, and of polygons those that have an area.
 

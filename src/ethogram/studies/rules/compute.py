@@ -13,7 +13,7 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.scene import RECORDED, grouped
+from ethogram.core.scene import grouped
 from ethogram.learners.base import Metrics, Trials
 from ethogram.learners.ppo import PPOState
 from ethogram.studies.rules.plan import Settings, cars_of, condition_of, learner_of, world_of
@@ -46,6 +46,7 @@ MULTIPLICATIONS_PER_SECOND = 2e10  # of networks in training, forwards and backw
 CAR_STEPS_PER_SECOND = 1.5e6  # of trained drivers, watched
 COMPILE_SECONDS = {"traffic": 20.0, "mixed": 15.0, "greater_good": 5.0}
 PROCESS_BYTES = 600_000_000  # Python, JAX and compiled programs
+FRAME_STEPS = 2  # of a recorded scene
 STEP_BYTES = 250  # of a car, while an episode is watched or learned from
 
 
@@ -76,7 +77,7 @@ def cost(case: Case) -> Cost:
         + watched / CAR_STEPS_PER_SECOND,
         bytes=PROCESS_BYTES
         + STEP_BYTES * max(samples, settings.validation_episodes * steps * sum(TRAFFIC))
-        + STEP_BYTES * RECORDED * steps * cars_of(settings),
+        + STEP_BYTES * settings.scenes * steps * cars_of(settings),
     )
 
 
@@ -114,11 +115,14 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     if "greater_good" in parts(settings):
         approached = before_a_stopped_car(settings, state, fold_in(for_validation, 2))
         results |= _named("approach", approached, ("trial", "road"))
-    shown = min(RECORDED, settings.trials)
+    shown = min(settings.scenes, settings.trials)
+    if not shown:
+        return {"results": _labelled(results, settings)}
     first = jax.tree.map(itemgetter(slice(0, shown)), (state, fold_in(for_validation, 3)))
     played = episodes_of(world, learner, *first)
     scenes = [world.scene(jax.tree.map(itemgetter(trial), played)) for trial in range(shown)]
-    return {"results": _labelled(results, settings), **grouped(scenes)}
+    thinned = [scene.every(FRAME_STEPS) for scene in scenes]
+    return {"results": _labelled(results, settings), **grouped(thinned)}
 
 
 def _curves(metrics: Metrics) -> Arrays:

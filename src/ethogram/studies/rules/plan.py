@@ -9,6 +9,7 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Grid, Plan
 from ethogram.campaign.settings_json import flatten, to_json
+from ethogram.core.scene import RECORDED
 from ethogram.core.settings import Count, Positive, Seed, settings_class, settings_of
 from ethogram.core.world import World
 from ethogram.learners.ppo import PPO, PRESETS
@@ -63,6 +64,7 @@ class Settings:
     record_every: Count = 10  # updates per point of the learning curves
     validation: Validation = "traffic"
     validation_episodes: Annotated[int, Field(ge=1, le=10_000)] = 5  # of each situation
+    scenes: Annotated[int, Field(ge=0, le=RECORDED)] = RECORDED  # trials that have one
     trials: Annotated[int, Field(ge=1, le=10_000)] = 20
     seed: Seed = 0
 
@@ -141,14 +143,14 @@ PLANS = {
     "fines": Plan(
         name="fines",
         description="Each rule's fine nothing or twice as much: distance against collisions.",
-        settings=replace(_TUNED, trials=5, updates=200),
+        settings=replace(_TUNED, trials=5, updates=200, scenes=0),
         grid=_ENFORCEMENT,
         further=tuple({f"world.{rule}_weight": WEIGHTS} for rule in _RULES),
     ),
     "readings": Plan(
         name="readings",
         description="Drivers with and without rules under every other reading of the text.",
-        settings=replace(_TUNED, trials=5, updates=100),
+        settings=replace(_TUNED, trials=5, updates=100, scenes=0),
         grid=_ENFORCEMENT,
         further=tuple(
             {**{key: (value,) for key, value in changes.items()}, **_ENFORCEMENT}

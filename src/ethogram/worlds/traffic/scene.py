@@ -12,6 +12,7 @@ from ethogram.worlds.traffic.state import State
 
 LANE_WIDTH = 5.0  # m, wider than real ones, so that cars can be seen
 MARGIN = 15.0  # m around the roads
+FINE = 256.0  # m: up to it 16 bits tell an eighth of a metre apart
 MARKED = 1.0  # s for which a collision is marked
 ROAD, DRIVER, HUMAN, FINED, DEAD, CRASH = range(6)
 PALETTE = (
@@ -63,6 +64,7 @@ def record(
 
     """
     layout = _layout(graph, length)
+    bounds = _bounds(layout)
     position, heading = _placed(states, layout, length, len(graph.sections))
     steps, cars = heading.shape
     present = np.asarray(states.present)
@@ -77,19 +79,21 @@ def record(
         np.where(crash, CRASH, -1),
     ]
     size = car_length / 2
+    headings = [np.tile(heading, (1, 3)), np.full((steps, cars), np.nan)]
+    kind = np.float16 if np.abs(bounds).max() < FINE else np.float32
     forms = [BOX, ARROW, CROSS]
     bodies = [Shape("polygon", size, vertices=form) for form in forms for _ in range(cars)]
     groups = [slice(0, drivers), slice(drivers, None)][: 1 + (cars > drivers)]
     return Scene(
         title="Traffic: one episode",
-        bounds=_bounds(layout),
+        bounds=bounds,
         frame_seconds=time_step,
         palette=PALETTE,
         shapes=(*bodies, *(Shape("ring", car_length) for _ in range(cars))),
         background=_roads(graph, layout),
-        position=np.tile(position, (1, 4, 1)),
-        tint=np.concatenate(tint, 1),
-        heading=np.concatenate([np.tile(heading, (1, 3)), np.full((steps, cars), np.nan)], 1),
+        position=np.tile(position, (1, 4, 1)).astype(kind),
+        tint=np.concatenate(tint, 1).astype(np.int8),
+        heading=np.concatenate(headings, 1).astype(np.float16),
         captions=tuple(
             f"step {step + 1}: {(present & ~dead)[step].sum()} driving, {dead[step].sum()} dead, "
             f"{fined[step].sum()} fined"
@@ -109,6 +113,7 @@ def _layout(graph: Graph, length: Float[np.ndarray, "element"]) -> Layout:
     radius = length[:count].mean() * vertices / (2 * np.pi)
     round_ = radius * np.stack([np.cos(angle), np.sin(angle)], -1)
     spots = np.array(graph.places, float) if graph.places else round_
+    spots = spots - (spots.min(0) + spots.max(0)) / 2
     ends = np.array([(section.start, section.end) for section in graph.sections])
     way = spots[ends[:, 1]] - spots[ends[:, 0]]
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
