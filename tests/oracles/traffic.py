@@ -14,7 +14,7 @@ class Car:
     exit: int
     dead: int = 0  # steps left
     impact: int = 0
-    immune: bool = False
+    spared_by: tuple = ()
     present: bool = True
 
     @property
@@ -39,7 +39,7 @@ class Traffic:
     transition: str = "new_speed"
     collision: str = "lanes"
     impact: bool = True
-    revive: str = "immune"
+    revive: str = "spared"
     braking: str = "distance"
     fine_dead: bool = False
     weights: tuple = (1.0, 1.0, 1.0)
@@ -73,16 +73,19 @@ class Traffic:
         for car, (ax, ay), word in zip(self.cars, actions, words, strict=True):
             if car.present:
                 self.move(car, ax - 1, ay - 1, int(word))
-        for car in self.cars:
-            self.age(car)
-        touching = [self.touching(i) for i in range(len(self.cars))]
+        restored = [self.age(car) for car in self.cars]
         self.died = [False] * len(self.cars)
+        touching = [self.touching(i) for i in range(len(self.cars))]
         for i, car in enumerate(self.cars):
-            front, back = touching[i]
-            if were_alive[i] and not car.immune and (front or back):
+            others = {j for j in touching[i] if j is not None}
+            if restored[i] and self.revive == "spared":
+                car.spared_by = others
+            front, back = ([j for j in touching[i][k : k + 2] if j is not None] for k in (0, 2))
+            front, back = (set(those) - set(car.spared_by) for those in (front, back))
+            if were_alive[i] and (front or back):
                 car.dead, car.impact = self.t_dead, -1 if front else 1
                 self.died[i] = True
-            car.immune = car.immune and (front or back)
+            car.spared_by = set(car.spared_by) & others
 
     def move(self, car, ax, ay, word):
         old = car.v
@@ -109,32 +112,47 @@ class Traffic:
         car.y = min(self.width(car.p), max(car.y + lane_speed, 1))
 
     def age(self, car):
-        if car.present and car.dead > 0:
-            car.dead -= 1
-            if car.dead == 0:
-                car.impact = 0
-                if self.removed:
-                    car.present = False
-                elif self.revive == "immune":
-                    car.immune = True
+        """Whether the car is restored."""
+        if not (car.present and car.dead > 0):
+            return False
+        car.dead -= 1
+        if car.dead > 0:
+            return False
+        car.impact = 0
+        car.present = not self.removed
+        return car.present
 
     def touching(self, i):
-        """Whether another car overlaps car i in front of it, and behind it."""
-        me, front, back = self.cars[i], False, False
-        if not me.present:
-            return False, False
+        """Whom car i overlaps: in front in the lane and across a boundary, and so behind."""
+        return (
+            self.in_front(i),
+            self.nearest(i, lambda me, other: self.leads(me, other) and self.stop(me) + other.x),
+            next((j for j in range(len(self.cars)) if j != i and self.in_front(j) == i), None),
+            self.nearest(i, lambda me, other: self.leads(other, me) and self.stop(other) + me.x),
+        )
+
+    def in_front(self, i):
+        """The next car in the lane, if it is overlapped."""
+        me = self.cars[i]
+        ahead = [
+            (other.x, j)
+            for j, other in enumerate(self.cars)
+            if me.present and other.present and other.p == me.p and (other.x, j) > (me.x, i)
+            if self.collision == "literal" or me.y == other.y
+        ]
+        x, j = min(ahead, default=(np.inf, None))
+        return j if x - me.x < self.l_car else None
+
+    def nearest(self, i, distance):
+        """The nearest car across a boundary, if it is overlapped."""
+        me, found = self.cars[i], []
         for j, other in enumerate(self.cars):
-            if j == i or not other.present:
+            if j == i or not (me.present and other.present):
                 continue
-            lanes = self.collision == "literal" or me.y == other.y
-            if me.p == other.p and lanes and abs(me.x - other.x) < self.l_car:
-                ahead = (other.x, j) > (me.x, i)
-                front, back = front or ahead, back or not ahead
-            if self.leads(me, other) and self.stop(me) + other.x < self.l_car:
-                front = True
-            if self.leads(other, me) and self.stop(other) + me.x < self.l_car:
-                back = True
-        return front, back
+            between = distance(me, other)
+            if between is not False and between < self.l_car:
+                found.append((between, j))
+        return min(found, default=(None, None))[1]
 
     def leads(self, car, other):
         if self.collision == "literal":

@@ -145,6 +145,18 @@ def test_a_rear_end_collision_pushes_both_cars_apart_and_stops_them():
     np.testing.assert_array_equal(gone.immune, [False, False])  # in two lanes they are apart
 
 
+def test_restored_cars_spare_those_that_they_overlap_and_nobody_else():
+    world = ring(3, impact=False, dead_steps=2, impact_steps=1)
+    state = placed(world, [(0, 20.0, 1, 10.0), (0, 25.0, 1, 10.0), (0, 60.0, 1, 0.0)])
+    go = [[FASTER, STRAIGHT], [FASTER, STRAIGHT], [BRAKE, STRAIGHT]]
+    found = drive(world, state, *[go] * 45)
+    hits = [np.flatnonzero(outcome.metrics["collision"]) for _, outcome in found]
+    assert list(hits[0]) == [0, 1]  # they overlap from the start
+    assert found[2][0].immune.tolist() == [True, True, False]
+    first = next(number for number, hit in enumerate(hits[1:], 1) if len(hit))
+    assert {1, 2} <= set(hits[first])  # the one in front hits the car that stands, and both collide
+
+
 def test_without_immunity_overlapping_cars_collide_for_ever():
     world = ring(2, impact=False, dead_steps=2, impact_steps=1, revive="literal")
     state = placed(world, [(0, 20.0, 1, 0.0), (0, 25.0, 1, 0.0)])

@@ -97,11 +97,11 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     use_kernels(context, world)
     require_memory(f"rules with {cars_of(settings)} cars", cost(case).bytes)
     keys = trial_keys(settings.seed, case.name, settings.trials)
-    for_training, for_validation = fold_in(keys, 0), fold_in(keys, 1)
+    for_init, for_training, for_validation = (fold_in(keys, number) for number in range(3))
     learner = learner_of(settings, world)
     state, curves = train_case(
         Trials(learner, in_turn=True),
-        for_training,
+        for_init,
         for_training,
         settings.updates,
         context,
@@ -188,6 +188,7 @@ def _labelled(results: dict[str, Any], settings: Settings) -> xr.Dataset:
             "updates": settings.updates,
             "steps": settings.world.steps,
             "time_step": float(settings.world.time_step),
+            "top_speed": float(world_of(settings).top_speed),
             "cars": cars_of(settings),
             "approaches": APPROACHES,
         },

@@ -76,6 +76,19 @@ def in_traffic(variable: str, level: int, acting: Acting = "drawn") -> Measure:
     return measure if variable == "return" else bounded(_at_least_zero)(measure)
 
 
+def alive_efficiency(level: int, acting: Acting = "drawn") -> Measure:
+    """E without what the dead drive under their impact: what is earned, less what is paid."""
+
+    @bounded(_at_least_zero)
+    def measure(data: xr.Dataset) -> np.ndarray:
+        fines = [data.attrs[f"fine_{rule}"] for rule in Fines._fields]
+        paid = (data["traffic_breaches"] * xr.DataArray(fines, dims="rule")).sum("rule")
+        driven = (data["traffic_return"] + paid) * data.attrs["top_speed"]
+        return _at_level(driven.sel(acting=acting), level)
+
+    return measure
+
+
 def overall(variable: str, level: int, acting: Acting = "drawn") -> Measure:
     """Of all cars together at a level of traffic: "collisions", or "distance" in m (figure 4.6)."""
 

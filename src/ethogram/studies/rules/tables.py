@@ -55,6 +55,7 @@ def _after(results: Results) -> Table:
                 measure.in_traffic(name, USUAL, acting)
                 for name in ("return", "efficiency", "deviation", "collisions")
             ]
+            measures.insert(2, measure.alive_efficiency(USUAL, acting))
             measures += [measure.breaches(rule, USUAL, acting) for rule in RULES]
             rows.append(
                 (at.description, acting, *(measured(results.trials(each, at)) for each in measures))
@@ -63,13 +64,15 @@ def _after(results: Results) -> Table:
         name="after-training",
         title=f"After training, in traffic of {USUAL} cars",
         caption=f"{MEANS}, over cars and episodes. Actions are drawn from the policy, as in "
-        "training, or the most probable ones (greedy). The last columns are shares of the steps in "
-        "which a car breaks a rule, fined or not.",
+        "training, or the most probable ones (greedy). E of the living leaves out what cars drive "
+        "under their impact. The last columns are shares of the steps in which a car breaks a "
+        "rule, fined or not.",
         columns=(
             WHERE,
             "actions",
             "R",
             "E",
+            "E of the living",
             "standard deviation of E among cars",
             "C",
             *(f"{rule} rule broken" for rule in RULES),
@@ -140,8 +143,9 @@ def _approaches(results: Results) -> Table:
     return Table(
         name="approaches",
         title="Before a stopped car",
-        caption="Shares of the approaches at 10 to 13 m/s to a car that stands 20 to 45 m ahead in "
-        f"the right lane (blocked), or to the same place with nobody there (clear). {MEANS}.",
+        caption="Shares of the approaches at 10 to 13 m/s to a car that stands in the right lane, "
+        "20 m ahead or more and too near to brake for (blocked), or to the same place with nobody "
+        f"there (clear). {MEANS}.",
         columns=(WHERE, "road", *names),
         rows=rows,
     )

@@ -24,6 +24,7 @@ from ethogram.studies.rules.plan import Settings, cars_of, learner_of, world_of
 from ethogram.worlds.traffic import State, Traffic
 from ethogram.worlds.traffic.drivers import IDM, MOBIL, Krauss, Obedient, Reckless
 from ethogram.worlds.traffic.driving import as_body
+from ethogram.worlds.traffic.rules import braking_distance
 
 TRAFFIC = (10, 20, 30, 40, 50, 60, 70, 80)  # n_car of figure 4.6
 Acting = Literal["drawn", "greedy"]  # how drivers choose actions
@@ -40,7 +41,7 @@ GROUPS: tuple[Group, ...] = get_args(Group)
 ROADS = ("clear", "blocked")  # whether a car stands ahead
 APPROACHES = 32  # per trial and road
 SECONDS = 8.0  # of an approach
-START, GAPS, SPEEDS = 2.0, (20.0, 45.0), (10.0, 13.0)  # m along the section, m, m/s
+START, LEAST_GAP, SPEEDS = 2.0, 20.0, (10.0, 13.0)  # m along the section, m, m/s
 FOR_EVER = 1_000_000  # steps for which the car ahead stands
 
 
@@ -178,9 +179,9 @@ def before_a_stopped_car(
     """What drivers do who come upon a car that stands in the right lane, or upon none.
 
     A driver is alone on its section, in the right lane, at a speed from which it could stop within
-    what it sees and not any more before that car: it has broken the distance rule by then, and only
-    in the left lane it gets past.  In the left lane it breaks the right lane rule where it sees
-    nobody to the right: not beside the car, but too early, or with no car there.
+    what it sees and not any more before that car: it breaks the distance rule whatever it does, and
+    only in the left lane it gets past.  There it breaks the right lane rule where it sees nobody to
+    the right: not beside the car, but with no car there.
 
     Returns:
         Float[trial, road], means over `APPROACHES`; the same ones on both roads.
@@ -203,10 +204,12 @@ def _before_a_stopped_car(
         played: Transition = rollout(world, policy, for_drive, world.steps, at)[1]
         after, broken = played.next_state, played.outcome.metrics["breaches"][:, 0]
         before = (after.element[:, 0] == start.element[0]) & (after.position[:, 0] < place)
-        before = jnp.cumprod(before).astype(bool)
+        before = jnp.cumprod(before & ~jnp.roll(played.episode_end, 1).at[0].set(False)) > 0
+        collided = played.outcome.metrics["collision"][:, 0]
+        first = jnp.cumsum(played.episode_end) - played.episode_end == 0
         return Approach(
             left_lane=(before & (after.lane[:, 0] > 1)).any(),
-            collision=played.outcome.metrics["collision"][:, 0].any(),
+            collision=(collided & first).any(),
             right_lane_rule=(before & broken[:, 2]).any(),
             distance_rule=(before & broken[:, 1]).sum() / jnp.maximum(before.sum(), 1),
         )
@@ -245,9 +248,11 @@ def upon_a_stopped_car(
     """A start, and the place on the section where a car stands, if one does."""
     for_state, for_gap, for_speed = jax.random.split(key, 3)
     state, _ = world.reset(for_state)
-    gap = jax.random.uniform(for_gap, minval=GAPS[0], maxval=GAPS[1])
     speed = jax.random.uniform(for_speed, minval=SPEEDS[0], maxval=SPEEDS[1])
     speed = jnp.minimum(speed, world.top_speed)
+    braking = braking_distance(speed[None], world.acceleration, "distance")[0]
+    most = world.car_length + braking
+    gap = LEAST_GAP + jax.random.uniform(for_gap) * jnp.maximum(most - LEAST_GAP, 0.0)
     return dataclasses.replace(
         state,
         element=jnp.broadcast_to(state.element[0], 2),

@@ -16,14 +16,15 @@ from ethogram.core.batching import put, take
 from ethogram.worlds.traffic.state import Road, State
 
 FEW = 200  # cars at most that are counted
-AT, SPEED, ELEMENT = 0, 1, 2  # columns of a row
+AT, SPEED, ELEMENT, NUMBER = range(4)  # columns of a row
 
 
 class Queue(eqx.Module):
     """The present cars in order; the place after the last one stands for nobody."""
 
     rank: Int[Array, "car"]  # the place of each car
-    rows: Float[Array, "place 3"]  # position (m), speed (m/s), element of the car at each place
+    # of the car at each place: position (m), speed (m/s), element and number, -1 for nobody
+    rows: Float[Array, "place 4"]
     in_lane: Bool[Array, "lane car"]  # whether the car at each place is in the lane
     further: Bool[Array, "car"]  # whether the car at each place is further on than the one before
     first: Int[Array, "entry"]  # the place of the first car on each element, and on none
@@ -51,13 +52,14 @@ def queue(state: State, road: Road) -> Queue:
     element = jnp.where(state.present, state.element, elements)  # those that are out come last
     rank, order = in_order(element, state.position)
     at = state.position
-    rows = take(jnp.stack([at, state.speed, element.astype(at.dtype)], -1), order)
+    number = jnp.arange(cars, dtype=at.dtype)
+    rows = take(jnp.stack([at, state.speed, element.astype(at.dtype), number], -1), order)
     lane = take(jnp.where(state.present, state.lane, 0), order)
     before = jnp.roll(rows, 1, 0)
     new_element = (rows[:, ELEMENT] != before[:, ELEMENT]).at[0].set(True)
     entry = jnp.where(new_element, rows[:, ELEMENT].astype(jnp.int32), elements + 1)
     first = put(jnp.full(elements + 1, cars, jnp.int32), entry, jnp.arange(cars, dtype=jnp.int32))
-    nobody = jnp.array([[jnp.inf, 0.0, -1.0]], at.dtype)
+    nobody = jnp.array([[jnp.inf, 0.0, -1.0, -1.0]], at.dtype)
     return Queue(
         rank=rank,
         rows=jnp.concatenate([rows, nobody]),

@@ -15,7 +15,7 @@ class State(eqx.Module):
     exit: Int[Array, "car"]  # the element that comes next
     dead: Int[Array, "car"]  # steps for which it is still dead; 0 = alive
     impact: Int[Array, "car"]  # of a dead car: 1 if it was hit from behind, -1 if it hit
-    immune: Bool[Array, "car"]  # restored, and not yet free of the cars that it overlaps
+    spared_by: Int[Array, "car 4"]  # cars overlapped when restored, and since then; -1 for none
     present: Bool[Array, "car"]  # on the road: neither removed nor padding
     time: Int[Array, ""]  # steps since the start
 
@@ -23,6 +23,11 @@ class State(eqx.Module):
     def alive(self) -> Bool[Array, "car"]:
         """Whether a car is driven by its driver."""
         return self.present & (self.dead == 0)
+
+    @property
+    def immune(self) -> Bool[Array, "*batch car"]:
+        """Whether any car spares it that it overlaps."""
+        return (self.spared_by >= 0).any(-1)
 
 
 class Road(eqx.Module):

@@ -11,9 +11,10 @@ Units: metres, seconds; a step is `time_step` seconds.  `speed_unit="km/h"` read
 
 Deviations from the printed text, each with a setting that undoes it: the new speed decides both
 where a car gets and whether it leaves its element (`transition`); cars in different lanes do not
-collide, and of the next elements only the chosen one counts (`collision`); restored cars are
-immune until they overlap nobody (`revive`); a driver keeps the distance v^2 / (2 a) that it needs
-to stop, not 2 a v^2 (`braking`); the dead are not fined (`fine_dead`).  Without a setting: all
+collide, and of the next elements only the chosen one counts (`collision`); restored cars
+do not collide with those that they still overlap (`revive`); a driver keeps the distance
+v^2 / (2 a) that it needs to stop, not 2 a v^2 (`braking`); the dead earn nothing and are not fined
+(`fine_dead`), where the text lets them earn during their impact.  Without a setting: all
 cars start apart from each other along the whole of the road, as if its sections were one line; and
 the end of an episode is a time limit, hence a truncation.
 """
@@ -37,7 +38,7 @@ from ethogram.core.settings import Number, Positive, setting
 from ethogram.core.spaces import Box, Discrete, MultiDiscrete
 from ethogram.core.world import Outcome, PerRole, Role, Transition, World
 from ethogram.worlds.traffic import dynamics
-from ethogram.worlds.traffic.collisions import Collision, aged, collided, contact
+from ethogram.worlds.traffic.collisions import SLOTS, Collision, aged, collided, contact, spared
 from ethogram.worlds.traffic.graph import Graph, Name, as_graph
 from ethogram.worlds.traffic.neighbours import Queue, queue
 from ethogram.worlds.traffic.observation import LANES, OWN, Sight, ahead, behind, observed
@@ -49,7 +50,7 @@ from ethogram.worlds.traffic.state import Road, State
 Cars = Annotated[int, Field(ge=0, le=100_000)]
 Steps = Annotated[int, Field(ge=1, le=1_000_000)]
 Weight = Annotated[float, Field()]
-Revive = Literal["immune", "literal"]
+Revive = Literal["spared", "literal"]
 SpeedUnit = Literal["m/s", "km/h"]
 
 UNITS = {"m/s": 1.0, "km/h": 1 / 3.6}  # in m/s
@@ -100,7 +101,7 @@ class Traffic(World):
             it leaves its element.
         collision: "lanes" tells them apart; "literal" does not.
         impact: whether cars that collided move before they stand.
-        revive: "immune" until they overlap nobody, or "literal".
+        revive: "spared" by the cars that they overlap, while they do, or "literal".
         braking: "distance" v^2 / (2 a), or "literal", 2 a v^2.
         fine_dead: whether the dead earn and are fined as the living.
         joint_action: whether an action is one choice of nine.
@@ -142,7 +143,7 @@ class Traffic(World):
     transition: dynamics.Transition = setting("new_speed", dynamics.Transition, static=True)
     collision: Collision = setting("lanes", Collision, static=True)
     impact: bool = setting(True, bool, static=True)
-    revive: Revive = setting("immune", Revive, static=True)
+    revive: Revive = setting("spared", Revive, static=True)
     braking: Braking = setting("distance", Braking, static=True)
     fine_dead: bool = setting(False, bool, static=True)
     joint_action: bool = setting(False, bool, static=True)
@@ -224,7 +225,7 @@ class Traffic(World):
             exit=take(road.end, element),
             dead=jnp.zeros(count, jnp.int32),
             impact=jnp.zeros(count, jnp.int32),
-            immune=jnp.zeros(count, bool),
+            spared_by=jnp.full((count, SLOTS), -1, jnp.int32),
             present=present,
             time=jnp.int32(0),
         )
@@ -239,10 +240,11 @@ class Traffic(World):
         """Drive, collide; then observe, earn and be fined in the state reached."""
         road, driven = self._road, state.alive
         after = self._drive(key, state, action)
-        restore = self.collided == "restored"
-        after = aged(after, restore=restore, immune=self.revive == "immune")
+        after, restored = aged(after, restore=self.collided == "restored")
         line = queue(after, road)
         touching = contact(after, line, road, self.car_length, self.collision)
+        if self.revive == "spared":
+            after = spared(after, restored, touching)
         after, collision = collided(after, driven, touching, self.dead_steps)
         sight = self._ahead(after, line)
         broken = self._breaches(after, sight)
