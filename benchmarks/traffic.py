@@ -167,54 +167,33 @@ def world_speed(cores: int, peers: list[str]) -> list[dict[str, Any]]:
     for cars in CARS:
         found = side_by_side(cores, driving, cars, peers, quiet=True)
         rounds = summed([rates for rates, _ in found])
-        medians[cars] = {side: statistics.median(rates) for side, rates in rounds.items()}
         came = min(came for _, came in found)
+        if not rows:
+            sides = list(rounds)
+            heading("thousand car-steps/s, all cores", [*sides, "cars in SUMO"])
+        shown = [in_words(rounds[side], 1e3, 0) if side in rounds else "-" for side in sides]
+        line(cars, [*shown, str(came)])
+        medians[cars] = {side: statistics.median(rates) for side, rates in rounds.items()}
         rows.append({"cars": cars, "cars_in_sumo": came, "rounds": rounds})
-        print(f"{cars} cars: done; {came} came into SUMO", file=sys.stderr, flush=True)
-    sides = list(rows[0]["rounds"])
-    table(
-        "thousand car-steps/s, all cores",
-        sides,
-        {row["cars"]: {s: in_words(r, 1e3, 0) for s, r in row["rounds"].items()} for row in rows},
-    )
-    table(
-        "ns of a core for a car-step",
-        sides,
-        {
-            cars: {side: f"{1e9 * cores / rate:,.0f}" for side, rate in found.items()}
-            for cars, found in medians.items()
-        },
-    )
-    table(
-        "times as fast",
-        [
-            f"{side} / {peer}"
-            for peer in THAT_READ
-            if peer in sides
-            for side in sides
-            if "cop" in side
-        ],
-        {
-            cars: {
-                f"{side} / {peer}": f"{found[side] / found[peer]:,.1f}"
-                for peer in THAT_READ
-                if peer in found
-                for side in sides
-            }
-            for cars, found in medians.items()
-        },
-    )
+    heading("ns of a core for a car-step", sides)
+    for cars, rates in medians.items():
+        line(cars, [f"{1e9 * cores / rates[s]:,.0f}" if s in rates else "-" for s in sides])
+    pairs = [(ours, peer) for peer in THAT_READ if peer in sides for ours in map(name_of, COPIES)]
+    heading("times as fast", [f"{ours} / {peer}" for ours, peer in pairs])
+    for cars, rates in medians.items():
+        line(cars, [f"{rates[o] / rates[p]:,.1f}" if p in rates else "-" for o, p in pairs])
     return rows
 
 
-def table(title: str, columns: list[str], cells: dict[int, dict[str, str]]) -> None:
-    """Print a row for each number of cars; a dash where there is no cell."""
-    if not columns:
-        return
+def heading(title: str, columns: list[str]) -> None:
+    """Of a table with a row for each number of cars."""
     print(f"\n{title}\n\n| cars |", " | ".join(columns), "|")
     print("| ---: |" + " ---: |" * len(columns))
-    for cars, found in cells.items():
-        print(f"| {cars} |", " | ".join(found.get(column, "-") for column in columns), "|")
+
+
+def line(cars: int, cells: list[str]) -> None:
+    """Of such a table."""
+    print(f"| {cars} |", " | ".join(cells), "|", flush=True)
 
 
 def learning_speed(cores: int, peers: list[str]) -> dict[str, list[float]]:
