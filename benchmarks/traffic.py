@@ -44,7 +44,6 @@ USUAL, CROWD = 40, 80  # cars on the usual grid; the most on it
 STEPS = 200_000  # car-steps of a call, about; so many that the price of a call vanishes
 ROUNDS, SECONDS = 3, 0.5  # of the processor, for each side in a round
 TABLE = 97  # rows of actions, used in turn
-MOST = {"highway-env": 200}  # cars; with 1000 a single step of it takes a minute
 MINIBATCHES = (2000, 256)
 MODULES = {
     "libsumo": "libsumo",
@@ -114,7 +113,7 @@ def driving(cars: int, peers: list[str], place: Place) -> tuple[list[dict[str, f
 
         names, runs["libsumo"], runs["SUMO's steps alone"] = sumo(world, cars, place.core)
         came = len(names)
-    if "highway-env" in peers and cars <= MOST["highway-env"]:
+    if "highway-env" in peers:
         from peers.highway import highway
 
         runs["highway-env"] = highway(world, cars, place.core)
@@ -171,17 +170,16 @@ def world_speed(cores: int, peers: list[str]) -> list[dict[str, Any]]:
         if not rows:
             sides = list(rounds)
             heading("thousand car-steps/s, all cores", [*sides, "cars in SUMO"])
-        shown = [in_words(rounds[side], 1e3, 0) if side in rounds else "-" for side in sides]
-        line(cars, [*shown, str(came)])
+        line(cars, [*(in_words(rounds[side], 1e3, 0) for side in sides), str(came)])
         medians[cars] = {side: statistics.median(rates) for side, rates in rounds.items()}
         rows.append({"cars": cars, "cars_in_sumo": came, "rounds": rounds})
     heading("ns of a core for a car-step", sides)
     for cars, rates in medians.items():
-        line(cars, [f"{1e9 * cores / rates[s]:,.0f}" if s in rates else "-" for s in sides])
+        line(cars, [f"{1e9 * cores / rates[side]:,.0f}" for side in sides])
     pairs = [(ours, peer) for peer in THAT_READ if peer in sides for ours in map(name_of, COPIES)]
     heading("times as fast", [f"{ours} / {peer}" for ours, peer in pairs])
     for cars, rates in medians.items():
-        line(cars, [f"{rates[o] / rates[p]:,.1f}" if p in rates else "-" for o, p in pairs])
+        line(cars, [f"{rates[ours] / rates[peer]:,.1f}" for ours, peer in pairs])
     return rows
 
 
