@@ -28,7 +28,6 @@ cases, corrected by how far those of these two sizes are off.
 import json
 import statistics
 import sys
-import time
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
@@ -37,6 +36,7 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from common.processes import Place, options, side_by_side
+from common.rounds import Run, in_turn, in_words, summed
 
 if TYPE_CHECKING:
     from ethogram.learners.maddpg import MADDPG
@@ -46,8 +46,6 @@ ROBOTS, TARGETS, SYMBOLS, STEPS = 2, 3, 10, 25  # what the peers' game has
 MOVES = 5
 ROUNDS, SECONDS = 5, 1.0  # of the processor, for each side in a round
 STEPS_PER_CALL = 10_000  # about; so many that the price of a call vanishes
-
-Run = Callable[[], int]  # takes a chunk of environment steps and says how many they were
 
 
 def ethogram(copies: int) -> Run:
@@ -207,29 +205,12 @@ MAKERS = SIDES | {f"{robots}x{robots}": partial(training, robots) for robots in 
 
 def measure(sides: list[str], copies: int, place: Place) -> list[dict[str, float]]:
     """Per round: environment steps per second of each side in this process."""
-    runs = {side: MAKERS[side](copies) for side in sides}
-    for run in runs.values():
-        run()  # compiles
-    rounds = []
-    for _ in range(ROUNDS):
-        rates = {}
-        for side, run in runs.items():
-            place.start()
-            began, steps = time.process_time(), 0
-            while (spent := time.process_time() - began) < SECONDS:
-                steps += run()
-            rates[side] = steps / spent
-        rounds.append(rates)
-    return rounds
+    return in_turn({side: MAKERS[side](copies) for side in sides}, place, ROUNDS, SECONDS)
 
 
 def rounds_of(cores: int, sides: list[str], copies: int) -> dict[str, list[float]]:
     """Per side: the sum over one process per core in each round."""
-    found = side_by_side(cores, measure, sides, copies, quiet=True)  # a peer prints what it likes
-    return {
-        side: [sum(rates[side] for rates in same) for same in zip(*found, strict=True)]
-        for side in sides
-    }
+    return summed(side_by_side(cores, measure, sides, copies, quiet=True))  # a peer prints
 
 
 def world_speed(cores: int, sides: list[str]) -> list[dict[str, Any]]:
@@ -242,10 +223,7 @@ def world_speed(cores: int, sides: list[str]) -> list[dict[str, Any]]:
     for copies in COPIES:
         rounds = rounds_of(cores, sides, copies)
         median = {side: statistics.median(rates) for side, rates in rounds.items()}
-        figures = [
-            f"{median[side] / 1e3:,.1f} k/s ({min(rates) / 1e3:,.1f} to {max(rates) / 1e3:,.1f})"
-            for side, rates in rounds.items()
-        ]
+        figures = [f"{in_words(rates, 1e3)} k/s" for rates in rounds.values()]
         times = [f"{median['ethogram'] / median[peer]:,.1f}" for peer in peers]
         print(f"| {copies} |", " | ".join([*figures, *times]), "|", flush=True)
         rows.append({"copies": copies, "steps_per_second": median, "rounds": rounds})

@@ -40,7 +40,7 @@ def rates(body: str, kind: str, place: Place) -> list[float]:
     """Voxel-steps per second in this process, for each number of robots."""
     import equinox as eqx
     import jax
-    import jax.numpy as jnp
+    import numpy as np
 
     from ethogram.worlds.softbody import SoftBody3D
     from ethogram.worlds.softbody.controllers import NonSensing, Sensing
@@ -63,7 +63,7 @@ def rates(body: str, kind: str, place: Place) -> list[float]:
         began, episodes, total = time.perf_counter(), 0, 0.0
         while time.perf_counter() - began < SECONDS:
             way = go(world, controller, genes, gravity, block_size=block).distance
-            total += float(jnp.nansum(jnp.abs(way)))
+            total += float(np.nansum(np.abs(way)))
             episodes += 1
         spent = time.perf_counter() - began
         if not total > 0:
