@@ -8,9 +8,10 @@ cars more have more of them.
 
 Claims 7 to 13 are ours.  They and the tests of all were stated before any plan of the study was
 run; single trials of other learning rates, of other numbers of updates and of PPO with and without
-scaled observations had been seen by then, and in them drivers with rules nearly stood still.  After that two conditions with restored cars were run and
-seen; then the world changed (whom a restored car may collide with), the preset `thesis` (rewards
-are scaled) and how far off the stopped car is, and all was run anew.  The tests stayed.
+scaled observations had been seen by then, and in them drivers with rules nearly stood still.  After
+that two conditions with restored cars were run and seen; then the world changed (whom a restored
+car may collide with), the preset `thesis` (rewards are scaled) and how far off the stopped car is,
+and all was run anew.  The tests stayed.
 
 The claims are about 500 updates and episodes of 500 steps; after less they are tested to show where
 they point, and left undecided.
