@@ -4,7 +4,7 @@ Cars are put in order by element, then by position, then by number.  The nearest
 then the next place in that order with a car of the lane: no two cars need be compared.  Few cars
 are ordered, and looked through, by counting and comparing places, which a processor does for eight
 at a time and without a branch; many by sorting and running minima.  The work of the first grows
-with the square of the cars and is the smaller up to some 200, that of the second as n log n.
+with the square of the cars and is the smaller up to some 120, that of the second as n log n.
 """
 
 import equinox as eqx
@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from ethogram.core.batching import put, take
 from ethogram.worlds.traffic.state import Road, State
 
-FEW = 200  # cars at most that are counted
+FEW = 120  # cars at most that are counted
 AT, SPEED, ELEMENT, NUMBER = range(4)  # columns of a row
 
 
