@@ -27,7 +27,7 @@ reproduce: $(KERNELS)  ## run every study's quick plan, then write the report: r
 	$(BIN)/ethogram reproduce --plan quick --out $(OUT)
 
 test: $(KERNELS)  ## run the tests that take seconds
-	$(BIN)/pytest -n $(JOBS) --dist loadfile
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-slow: $(KERNELS)  ## run the tests that take minutes
 	$(BIN)/pytest -m slow

@@ -56,6 +56,16 @@ EVERY = [
 ]
 
 
+@eqx.filter_jit
+def reset(world, key):
+    return world.reset(key)
+
+
+@eqx.filter_jit
+def observe(world, state):
+    return world.observe(state)
+
+
 @pytest.fixture(scope="module", params=EVERY)
 def played(request):
     """A world with its default settings, and a few random steps in it, eager and jitted."""
@@ -67,17 +77,15 @@ def played(request):
         traces.append(None)
         return world.step(key, state, action)
 
-    reset = eqx.filter_jit(type(world).reset)  # of all: what is rounded to steps may be another
-
     def run(step, count=STEPS):
-        state, observation = reset(world, jax.random.key(1))
-        steps = []
+        start = reset(world, jax.random.key(1))  # jitted in all: its rounding may decide a step
+        state, steps = start[0], []
         for number in range(count):
             key = jax.random.key(number)
             action = {name: _sample(key, role) for name, role in world.roles.items()}
             state, outcome = step(world, key, state, action)
             steps.append((action, state, outcome))
-        return observation, steps
+        return start, steps
 
     return world, run(step), run(type(world).step, EAGER), run(step), traces, step
 
@@ -124,7 +132,7 @@ def test_actions_drawn_at_random_are_in_their_spaces(played):
 
 
 def test_observations_are_in_their_spaces_and_all_numbers_are_finite(played):
-    world, (start, steps), *_ = played
+    world, ((_, start), steps), *_ = played
     for observation in [start, *(outcome.observation for _, _, outcome in steps)]:
         for name, role in world.roles.items():
             assert observation[name].shape == (role.agents, *role.observation.shape)
@@ -139,23 +147,21 @@ def test_observations_are_in_their_spaces_and_all_numbers_are_finite(played):
 
 def test_a_state_can_be_observed_again(played):
     world, (start, steps), *_ = played
-    states = [world.reset(jax.random.key(1))[0], *(state for _, state, _ in steps)]
-    seen = [start, *(outcome.observation for _, _, outcome in steps)]
-    for state, observation in zip(states, seen, strict=True):
-        jax.tree.map(np.testing.assert_array_equal, world.observe(state), observation)
+    seen = [start, *((state, outcome.observation) for _, state, outcome in steps)]
+    for state, observation in seen:
+        jax.tree.map(np.testing.assert_array_equal, observe(world, state), observation)
 
 
 def test_an_episode_ends_by_its_horizon(played):
-    world = played[0]
+    world, ((start, _), _), *_ = played
 
     def play(state, key):
         action = {name: _sample(key, role) for name, role in world.roles.items()}
         state, outcome = world.step(key, state, action)
         return state, episode_ended(outcome)
 
-    state, _ = world.reset(jax.random.key(1))
     keys = jax.random.split(jax.random.key(2), world.horizon)
-    assert jax.lax.scan(play, state, keys)[1].any()
+    assert jax.lax.scan(play, start, keys)[1].any()
 
 
 def test_step_and_reset_can_be_given_to_jit_itself(played):

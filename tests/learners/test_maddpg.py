@@ -33,6 +33,11 @@ SMALL = {
 
 
 @eqx.filter_jit
+def init(learner, key):
+    return learner.init(key)
+
+
+@eqx.filter_jit
 def update(learner, key, state):
     return learner.update(key, state)
 
@@ -58,7 +63,7 @@ def first_loss(learner, *entries):
 
     The critic says 0, so that the loss is the square of the target.
     """
-    state = learner.init(jax.random.key(0))
+    state = init(learner, jax.random.key(0))
     agent = jax.tree.map(jnp.zeros_like, state.agents["singer"][0])
     for kind, layer, place, value in entries:
         agent = entered(agent, kind, layer, place, value)
@@ -91,7 +96,7 @@ def test_of_who_is_not_in_play_nothing_is_learned():
             return after, dataclasses.replace(outcome, acting=acting)
 
     learner = MADDPG(Pair((0, 1), (3.0, 3.0)), **SMALL)
-    before = learner.init(jax.random.key(0))
+    before = init(learner, jax.random.key(0))
     after, metrics = update(learner, jax.random.key(1), before)
     assert (metrics["critic_loss"]["singer"] > 0).tolist() == [True, False]
     moved = [
@@ -105,7 +110,7 @@ def test_of_who_is_not_in_play_nothing_is_learned():
 def test_a_talker_with_a_small_alphabet_never_says_a_word_that_there_is_not(explore):
     world = Language(vocabulary_size=3, max_vocabulary_size=8, steps=5)
     learner = MADDPG(world, buffer_size=100, batch_size=1, hidden_size=4, straight_through=explore)
-    state = learner.init(jax.random.key(0))
+    state = init(learner, jax.random.key(0))
     keys = jax.random.split(jax.random.key(1), 100)
 
     @eqx.filter_jit
@@ -122,7 +127,7 @@ def test_a_talker_with_a_small_alphabet_never_says_a_word_that_there_is_not(expl
 def test_it_learns_in_the_sharing_world():
     world = Sharing(agents=2, resources=2, steps=4, encoding="vector")
     learner = MADDPG(world, updates_per_iteration=2, **SMALL)
-    state = learner.init(jax.random.key(0))
+    state = init(learner, jax.random.key(0))
     for number in range(2):
         state, metrics = update(learner, jax.random.key(number), state)
     assert metrics["episode_return"]["agent"].shape == (4, 2)
@@ -137,7 +142,7 @@ def test_it_learns_in_the_sharing_world():
 def test_without_exploration_a_policy_does_the_same_whatever_the_key():
     world = Language(max_vocabulary_size=4)
     learner = MADDPG(world, buffer_size=100, batch_size=1, hidden_size=4)
-    state = learner.init(jax.random.key(0))
+    state = init(learner, jax.random.key(0))
     _, observation = world.reset(jax.random.key(1))
     for explore, changes in ((False, False), (True, True)):
         act = learner.policy(state, explore=explore)
@@ -152,7 +157,7 @@ def test_without_exploration_a_policy_does_the_same_whatever_the_key():
 def test_target_networks_have_first_weights_of_their_own_unless_they_are_copies():
     for copy_targets in (False, True):
         learner = MADDPG(Duet(), copy_targets=copy_targets, **SMALL)
-        for (agent,) in learner.init(jax.random.key(0)).agents.values():
+        for (agent,) in init(learner, jax.random.key(0)).agents.values():
             pairs = ((agent.actor, agent.target_actor), (agent.critic, agent.target_critic))
             for network, target in pairs:
                 same = [
@@ -163,7 +168,7 @@ def test_target_networks_have_first_weights_of_their_own_unless_they_are_copies(
 
 def test_it_only_plays_until_the_replay_buffer_holds_enough_transitions():
     learner = MADDPG(Duet(), **SMALL | {"learning_starts": 9})
-    start = learner.init(jax.random.key(0))
+    start = init(learner, jax.random.key(0))
     agents = [jax.tree.map(np.asarray, start.agents)]
     losses = []
 

@@ -29,7 +29,7 @@ def duet(pay=1.0):
 
 
 def trained(learner, seed, updates=UPDATES, after_chunk=None):
-    state, key = learner.init(jax.random.key(seed)), jax.random.key(100 + seed)
+    state, key = jax.jit(learner.init)(jax.random.key(seed)), jax.random.key(100 + seed)
     return train(learner, key, updates, state=state, after_chunk=after_chunk)
 
 
@@ -56,7 +56,7 @@ def test_a_run_taken_up_at_a_checkpoint_ends_with_the_same_agents_bit_for_bit():
         kept[done] = {name: array.copy() for name, array in arrays.items()}
 
     whole, _ = trained(learner, 0, after_chunk=keep)
-    stranger = learner.init(jax.random.key(9))
+    stranger = jax.jit(learner.init)(jax.random.key(9))
     at = sorted(kept)[len(kept) // 2]
     half = from_arrays(stranger, kept[at])
     rest, _ = train(learner, jax.random.key(100), UPDATES, state=half, start=at)

@@ -62,7 +62,7 @@ class Round(NamedTuple):
 @pytest.fixture(scope="module")
 def rounds(learner):
     """Three rounds, the first beginning with agents that have learned nothing."""
-    state, found = learner.init(jax.random.key(1)), []
+    state, found = jax.jit(learner.init)(jax.random.key(1)), []
     for number in range(3):
         key = jax.random.key(10 + number)
         after, metrics = update(learner, key, state)

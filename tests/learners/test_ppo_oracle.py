@@ -19,6 +19,8 @@ from ethogram.learners.returns import generalized_advantage
 
 SMALL = {"epochs": 1, "minibatch_size": 1000, "episodes_per_update": 3, "hidden_size": 4}
 OBJECTIVE = Objective(0.2, 0.5, 0.7, 0.03, 0.4)
+initial_network = eqx.filter_jit(PolicyNetwork.init)
+loss_and_gradient = eqx.filter_jit(jax.value_and_grad(ppo_loss, has_aux=True))
 
 
 @pytest.mark.parametrize("value_clip", [0.0, 0.5])
@@ -29,7 +31,7 @@ def test_the_gradient_of_a_minibatch_is_that_of_the_oracle(space, shared_trunk, 
     initial = INITIALIZATIONS["glorot_uniform"]
     form = Architecture((4, 4), jnp.tanh, initial, shared_trunk)
     inputs = jnp.ones(3, bool)
-    network = PolicyNetwork.init(jax.random.key(2), inputs, inputs, space, form)
+    network = initial_network(jax.random.key(2), inputs, inputs, space, form)
     size, discrete = 12, isinstance(space, MultiDiscrete)
     observation = draw(size=(size, 3))
     drawn = draw(size=(size, 2))
@@ -47,7 +49,7 @@ def test_the_gradient_of_a_minibatch_is_that_of_the_oracle(space, shared_trunk, 
     objective = OBJECTIVE._replace(value_clip=value_clip)
     old_log_std = 0.1 * draw(size=deviation_count(space))
     given = Minibatch(*map(jnp.asarray, batch)), jnp.asarray(old_log_std), space, objective
-    (lost, found), slope = jax.value_and_grad(ppo_loss, has_aux=True)(network, *given)
+    (lost, found), slope = loss_and_gradient(network, *given)
     assert 0 < found["clip_fraction"] < 1
     sizes = space.sizes if discrete else None
     plain, rest = oracle.Networks.of(network), (batch, old_log_std, sizes, objective)
@@ -98,7 +100,7 @@ def round_(request):
         **SMALL,
     )
     update = eqx.filter_jit(learner.update)
-    first, _ = update(jax.random.key(0), learner.init(jax.random.key(1)))
+    first, _ = update(jax.random.key(0), jax.jit(learner.init)(jax.random.key(1)))
     key = jax.random.key(2)
     return learner, key, first, *update(key, first)
 
@@ -143,7 +145,7 @@ def test_statistics_are_those_of_all_steps_in_which_an_agent_acted(round_):
     if not learner.normalize_observations:
         assert after.roles["worker"].observation is None
         return
-    first = learner.init(jax.random.key(1))
+    first = jax.jit(learner.init)(jax.random.key(1))
     rounds = [replay(learner, jax.random.key(0), first), replay(learner, key, before)]
     seen = [
         flattened(np.asarray(played.observation["worker"], float)[:, :, :1])[

@@ -1,7 +1,7 @@
 """The physics follows the simulator that the thesis used, step by step."""
 
 import json
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,6 @@ from ethogram.physics.beams3d import Lattice, Material, at_rest, lattice, simula
 
 REFERENCE = Path(__file__).parent / "reference"
 CASES = json.loads((REFERENCE / "cases.json").read_text())
-MOST_STEPS = max(case["steps"] for case in CASES.values())
 ROW = 10  # steps: all recorded rows but the first twenty are multiples of it
 
 KERNELS = ["none", *USABLE]
@@ -27,45 +26,53 @@ DISTANCE_WITHIN = 0.005  # of the distance, in 32 bits
 
 
 class Body(NamedTuple):
-    """A case, padded so that one compiled program runs them all."""
+    """A case, padded so that one compiled program runs them all side by side."""
 
     lattice: Lattice
     swing: Float[Array, "4 voxel"]
-    gravity: Float[Array, "3"]
 
 
-@partial(jax.jit, static_argnames="kernel")
-def positions(body: Body, free: bool, kernel: str) -> Any:
-    """Positions after every step of the longest case; the start comes first."""
-    material = Material()
-    grown, amplitude, frequency, phase = body.swing
-    start = at_rest(body.lattice, material)
+@partial(jax.jit, static_argnames=("steps", "floor", "kernel"))
+def positions(bodies: Body, steps: int, floor: bool, kernel: str) -> Any:
+    """Positions of each body after every step; the start comes first."""
+    material, gravity = Material(), jnp.array([0.0, 0.0, -9.81 if floor else 0.0])
 
-    def advance(state: Any, k: Any) -> Any:
-        time = k * material.time_step
-        wave = amplitude * jnp.sin(2 * jnp.pi * frequency * time + phase)
-        edge = material.edge * (grown + wave)
-        on = partial(simulate, body.lattice, material, state, edge[None], body.gravity[None])
-        after = lax.cond(free, lambda: on(floor=False, kernel=kernel), lambda: on(kernel=kernel))
-        return after, after.position
+    def run(body: Body) -> Any:
+        grown, amplitude, frequency, phase = body.swing
+        start = at_rest(body.lattice, material)
 
-    _, places = lax.scan(advance, start, jnp.arange(MOST_STEPS))
-    return jnp.concatenate([start.position[None], places])
+        def advance(state: Any, k: Any) -> Any:
+            time = k * material.time_step
+            wave = amplitude * jnp.sin(2 * jnp.pi * frequency * time + phase)
+            edge = material.edge * (grown + wave)
+            move = partial(simulate, body.lattice, material, floor=floor, kernel=kernel)
+            after = move(state, edge[None], gravity[None])
+            return after, after.position
 
+        _, places = lax.scan(advance, start, jnp.arange(steps))
+        return jnp.concatenate([start.position[None], places])
 
-def simulated(name: str, kernel: str) -> Float[np.ndarray, "step voxel 3"]:
-    """Where the case's voxels are after each of its steps."""
-    bodies = {case: lattice(np.array(found["cells"])) for case, found in CASES.items()}
-    padded = dict(zip(bodies, _apart(stack(list(bodies.values())), len(bodies)), strict=True))
-    case, body = CASES[name], padded[name]
-    swing = np.pad(np.array(case["swing"]).T, ((0, 0), (0, body.voxels - len(case["cells"]))))
-    gravity = np.array([0.0, 0.0, 0.0 if case["free"] else -9.81])
-    found = positions(Body(body, jnp.asarray(swing), jnp.asarray(gravity)), case["free"], kernel)
-    return np.asarray(found).transpose(0, 2, 1)[: case["steps"] + 1, : len(case["cells"])]
+    return jax.vmap(run)(bodies)
 
 
-def _apart(stacked: Lattice, bodies: int) -> list[Lattice]:
-    return [jax.tree.map(lambda leaf, i=i: leaf[i], stacked) for i in range(bodies)]
+@cache
+def simulated(kernel: str, bits: int) -> dict[str, Float[np.ndarray, "step voxel 3"]]:
+    """By case, where its voxels are after each of its steps."""
+    found = {}
+    for free in (False, True):
+        cases = {name: case for name, case in CASES.items() if case["free"] == free}
+        with jax.enable_x64(bits == 64):
+            bodies = stack([lattice(np.array(case["cells"])) for case in cases.values()])
+            most = max(len(case["cells"]) for case in cases.values())
+            swing = [
+                np.pad(np.array(case["swing"]).T, ((0, 0), (0, most - len(case["cells"]))))
+                for case in cases.values()
+            ]
+            steps = max(case["steps"] for case in cases.values())
+            places = positions(Body(bodies, jnp.array(swing)), steps, not free, kernel)
+        for place, (name, case) in zip(np.asarray(places), cases.items(), strict=True):
+            found[name] = place.transpose(0, 2, 1)[: case["steps"] + 1, : len(case["cells"])]
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +86,7 @@ def recorded() -> dict[str, np.ndarray]:
 def test_every_voxel_is_where_the_original_put_it_within_1e8_m(
     name: str, kernel: str, recorded: dict[str, np.ndarray]
 ) -> None:
-    with jax.enable_x64(True):
-        found = simulated(name, kernel)
+    found = simulated(kernel, bits=64)[name]
     row = recorded[f"{name}.step"]
     assert row[-1] == CASES[name]["steps"], "the whole trajectory is compared"
     np.testing.assert_allclose(found[row], recorded[f"{name}.position"], rtol=0, atol=WITHIN)
@@ -91,7 +97,7 @@ def test_every_voxel_is_where_the_original_put_it_within_1e8_m(
 def test_in_32_bits_the_distance_is_the_originals_within_half_a_per_cent(
     name: str, kernel: str, recorded: dict[str, np.ndarray]
 ) -> None:
-    centre = simulated(name, kernel)[:, :, 0].mean(1)
+    centre = simulated(kernel, bits=32)[name][:, :, 0].mean(1)
     original = recorded[f"{name}.position"][:, :, 0].mean(1)
     distance = original[-1] - original[0]
     assert abs(distance) > 0.01, "a robot that stays where it is proves nothing"

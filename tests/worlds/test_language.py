@@ -53,6 +53,21 @@ def weights(world, steps, seed=0):
 
 
 @eqx.filter_jit
+def reset(world):
+    return world.reset(KEY)
+
+
+@eqx.filter_jit
+def observe(world, state):
+    return world.observe(state)
+
+
+@eqx.filter_jit
+def step(world, state, action):
+    return world.step(KEY, state, action)
+
+
+@eqx.filter_jit
 def replay(world, state, actions):
     """The states reached and the outcomes of actions given, steps leading."""
 
@@ -66,7 +81,7 @@ def replay(world, state, actions):
 def facing(world, position, target, guides, goal):
     """A start chosen by hand."""
     return replace(
-        world.reset(KEY)[0],
+        reset(world)[0],
         position=jnp.array(position, jnp.float32),
         target=jnp.array(target, jnp.float32),
         guides=jnp.array(guides),
@@ -78,14 +93,14 @@ def test_two_robots_by_hand():
     world = Language()
     # robot 1 must reach target 1, robot 2 target 2; each knows the other's
     state = facing(world, [(0, 0), (1, 1)], [(0.5, 0), (1, 0.25)], [1, 0], [0, 1])
-    seen = world.observe(state)
+    seen = observe(world, state)
     quiet = [1, 0, 0, 0, 0] * 2
     np.testing.assert_array_equal(seen["mover"][0], [0.5, 0, 1, 0.25, *quiet])
     np.testing.assert_array_equal(seen["mover"][1], [-0.5, -1, 0, -0.75, *quiet])
     np.testing.assert_array_equal(seen["talker"], [[0, 1, 0, 1], [1, 0, 1, 0]])
 
     # one goes right, the other down, by 0.05
-    state, outcome = world.step(KEY, state, act(world, [RIGHT, DOWN], [C, A]))
+    state, outcome = step(world, state, act(world, [RIGHT, DOWN], [C, A]))
     np.testing.assert_allclose(state.position, [(0.05, 0), (1, 0.95)], rtol=1e-6)
     np.testing.assert_allclose(outcome.reward["mover"], [-0.45, -0.7], rtol=1e-6)
     np.testing.assert_allclose(outcome.reward["talker"], [-0.7, -0.45], rtol=1e-6)
@@ -93,7 +108,7 @@ def test_two_robots_by_hand():
     np.testing.assert_array_equal(outcome.observation["mover"][:, 4:], [heard, heard])
 
     # both let go: three quarters of the velocity are left
-    state, outcome = world.step(KEY, state, act(world, [NONE, NONE], [A, D]))
+    state, outcome = step(world, state, act(world, [NONE, NONE], [A, D]))
     np.testing.assert_allclose(state.position, [(0.0875, 0), (1, 0.9125)], rtol=1e-6)
     np.testing.assert_allclose(outcome.reward["mover"], [-0.4125, -0.6625], rtol=1e-6)
 
@@ -120,7 +135,7 @@ def test_under_the_printed_law_a_robot_moves_first_and_never_slows_down():
 )
 def test_the_world_is_the_one_that_the_thesis_writes(settings):
     world = Language(**settings)
-    start, _ = world.reset(KEY)
+    start, _ = reset(world)
     slow = oracle.Game(
         positions=start.position,
         targets=start.target,
@@ -162,10 +177,10 @@ def test_an_episode_is_exactly_25_moves_and_25_rewards_and_ends_by_the_clock():
 
 def test_what_is_said_is_heard_by_all_one_step_later_and_no_longer():
     world = Language(robots=3, targets=2)
-    state, start = world.reset(KEY)
+    state, start = reset(world)
     heard = [start["mover"]]
     for words in ([A, B, C], [D, D, D]):
-        state, outcome = world.step(KEY, state, act(world, [NONE] * 3, words))
+        state, outcome = step(world, state, act(world, [NONE] * 3, words))
         heard.append(outcome.observation["mover"])
     heard = np.stack(heard)[:, :, 4:].reshape(3, 3, 3, 5)  # step, listener, speaker, word
     assert (heard == heard[:, :1]).all()
@@ -208,7 +223,7 @@ def test_room_for_more_symbols_changes_nothing_but_the_padding():
     padding = ((0, 0), (0, 0), (0, 12))
     padded = actions | {"talker": jnp.pad(actions["talker"], padding)}
     (states, plain), (same, wide) = (
-        replay(world, world.reset(KEY)[0], action)
+        replay(world, reset(world)[0], action)
         for world, action in ((tight, actions), (roomy, padded))
     )
     np.testing.assert_array_equal(states.position, same.position)
@@ -298,9 +313,9 @@ def test_informed_movers_go_to_the_middle_until_they_hear_of_their_own_target():
     # robots in the middle between the targets; 1 guides 2, 2 guides 3, 3 guides 1
     state = facing(world, [(0.0, 0.5)] * 3, corners, [1, 2, 0], [0, 1, 1])
     policy = RolePolicies({"mover": Informed(world), "talker": Optimal(world)})
-    action = policy(KEY, world.observe(state))
+    action = policy(KEY, observe(world, state))
     np.testing.assert_allclose(action["mover"], choices([NONE] * 3, 5), atol=1e-6)
-    state, outcome = world.step(KEY, state, action)
+    state, outcome = step(world, state, action)
     action = policy(KEY, outcome.observation)
     np.testing.assert_allclose(action["mover"], choices([DOWN, UP, UP], 5), atol=1e-6)
 
@@ -387,7 +402,7 @@ def test_a_law_of_motion_of_ones_own_takes_the_place_of_the_damped_one():
         return position + delta * push, jnp.zeros_like(velocity)
 
     world = Language(dynamics=jump, delta=0.5, steps=2)
-    state, _ = world.reset(KEY)
-    after, _ = world.step(KEY, state, act(world, [RIGHT, NONE], [A, A]))
+    state, _ = reset(world)
+    after, _ = step(world, state, act(world, [RIGHT, NONE], [A, A]))
     np.testing.assert_allclose(after.position - state.position, [[0.5, 0], [0, 0]], atol=1e-6)
     assert np.isinf(world.roles["mover"].observation.high).all()

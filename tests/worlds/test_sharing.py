@@ -21,12 +21,22 @@ from ethogram.worlds.sharing.world import tally
 KEY = jax.random.key(0)
 
 
+@eqx.filter_jit
+def reset(world):
+    return world.reset(KEY)
+
+
+@eqx.filter_jit
+def step(world, state, action):
+    return world.step(KEY, state, {"agent": action})
+
+
 def play(world, actions):
     """The outcomes of a list of joint actions from the start."""
-    state, observation = world.reset(KEY)
+    state, observation = reset(world)
     outcomes = []
     for action in actions:
-        state, outcome = world.step(KEY, state, {"agent": jnp.asarray(action)})
+        state, outcome = step(world, state, jnp.asarray(action))
         outcomes.append((state, outcome))
     return observation, outcomes
 
@@ -135,7 +145,7 @@ def test_different_observations_have_different_rows():
         def policy(key, _):
             return {"agent": jax.random.randint(key, (4,), 0, 6)}
 
-        played = rollout(world, policy, key, 400)[1]
+        played = eqx.filter_jit(rollout)(world, policy, key, 400)[1]
         return np.asarray(played.outcome.observation["agent"])
 
     vectors = watch("vector", KEY).reshape(-1, 3 + 2 + 3)
@@ -195,13 +205,16 @@ def test_the_end_is_a_time_limit_unless_it_is_said_to_be_terminal(terminal):
     assert (last.truncated["agent"] != terminal).all()
 
 
+jitted_tally = jax.jit(tally, static_argnums=1)
+
+
 @given(data=st.data())
 def test_the_packed_tally_counts_like_bincount(data):
     agents, size = data.draw(st.sampled_from([(1, 1), (10, 6), (100, 9), (40_000, 3)]))
     entries = data.draw(arrays(np.int32, (2, agents), elements=st.integers(0, size)))
     entries[1, entries[1] == entries[0]] = 0  # at most once per agent
     expected = np.bincount(entries.reshape(-1), minlength=size + 1)[1:]
-    np.testing.assert_array_equal(tally(jnp.asarray(entries), size), expected)
+    np.testing.assert_array_equal(jitted_tally(jnp.asarray(entries), size), expected)
 
 
 def test_wrong_settings_are_named():

@@ -25,26 +25,21 @@ RING = Graph((Section(100.0, 2, 0, 1), Section(100.0, 2, 1, 0)), u_turns=True)
 VERTEX_1 = 3  # elements of the ring: two sections, then vertices 0 and 1
 
 
+@eqx.filter_jit
+def reset(world, key):
+    return world.reset(key)[0]
+
+
 def placed(world, cars):
     """A state with cars of these elements, positions, lanes and speeds; others are out."""
-    state, _ = world.reset(KEY)
-    count = len(state.present)
-    element, position, lane, speed = (
-        jnp.array([*column, *[rest] * (count - len(cars))])
-        for column, rest in zip(zip(*cars, strict=True), (0, 0.0, 1, 0.0), strict=True)
-    )
-    tables = world.graph.tables
-    beyond = jnp.where(element < len(world.graph.sections), tables.end[element], 0)
-    onward = jnp.asarray(tables.following)[element, 0]
-    return dataclasses.replace(
-        state,
-        element=element.astype(jnp.int32),
-        position=position,
-        lane=lane.astype(jnp.int32),
-        speed=speed,
-        exit=jnp.where(element < len(world.graph.sections), beyond, onward).astype(jnp.int32),
-        present=jnp.arange(count) < len(cars),
-    )
+    count = world.max_cars + world.humans
+    rest = [(0, 0.0, 1, 0.0)] * (count - len(cars))
+    element, position, lane, speed = map(np.array, zip(*cars, *rest, strict=True))
+    none = np.zeros(count, int)
+    onward = world.graph.tables.following[element, 0]
+    present = np.arange(count) < len(cars)
+    parts = element, position, lane, speed, onward, none, none, none > 0, present, np.array(0)
+    return State(*map(jnp.asarray, parts))
 
 
 @eqx.filter_jit
@@ -232,9 +227,10 @@ def test_an_action_can_be_one_choice_of_nine():
 
 def test_the_number_of_cars_shares_a_program_and_padding_changes_nothing():
     few, many = Traffic(cars=3, max_cars=3), Traffic(cars=3, max_cars=5)
-    state, wide = few.reset(KEY)[0], many.reset(KEY)[0]
+    state, wide = reset(few, KEY), reset(many, KEY)
     wide = jax.tree.map(
-        lambda part, three: part if not part.ndim else part.at[:3].set(three), wide, state
+        lambda part, three: jnp.asarray(np.concatenate([three, part[3:]])) if part.ndim else part,
+        *jax.tree.map(np.asarray, (wide, state)),
     )
     action = jnp.array([[FASTER, STRAIGHT], [KEEP, LEFT], [BRAKE, RIGHT]])
     padding = jnp.full((2, 2), FASTER)
@@ -277,7 +273,7 @@ def test_the_world_is_the_one_that_the_thesis_writes(reading):
     steps = 500 if reading == "restored" else 100
     with jax.enable_x64(True):
         world = Traffic(scale=False, **EXACT, **ours)
-        state, _ = world.reset(jax.random.key(5))
+        state = reset(world, jax.random.key(5))
         shift = np.random.default_rng(4).integers(0, 2**20, 40) / 2**30  # none as far as another
         state = dataclasses.replace(state, position=state.position + shift)
         keys = jax.random.split(jax.random.key(6), steps)
@@ -350,15 +346,18 @@ def test_cars_are_conserved_and_nothing_overlaps_that_did_not_collide(data):
         view_distance=20.0,
         steps=60,
     )
-    state, _ = world.reset(jax.random.key(data.draw(st.integers(0, 99))))
-    keys = jax.random.split(KEY, 60)
+    start = jax.random.key(data.draw(st.integers(0, 99)))
 
     def play(state, key):
         action = world.roles["driver"].action.sample(key, 3).at[:, 0].add(1)
         after, _ = world.step(key, state, {"driver": action})
         return after, after
 
-    states = jax.lax.scan(play, state, keys)[1]
+    @jax.jit
+    def states_from(start):
+        return jax.lax.scan(play, world.reset(start)[0], jax.random.split(KEY, 60))[1]
+
+    states = jax.tree.map(np.asarray, states_from(start))
     assert states.present.all()
     lengths = np.array([*(s[0] for s in sections), *[10.0] * vertices])
     element, position = np.asarray(states.element), np.asarray(states.position)
@@ -392,7 +391,7 @@ def test_cars_start_apart_from_each_other(seed, lengths, gap):
 
 def test_cars_start_everywhere_alike():
     world = Traffic()
-    states = jax.vmap(lambda key: world.reset(key)[0])(jax.random.split(KEY, 300))
+    states = jax.jit(jax.vmap(lambda key: world.reset(key)[0]))(jax.random.split(KEY, 300))
     counts = np.bincount(np.asarray(states.element).reshape(-1), minlength=21)
     # 12 000 cars on 12 sections; within 5 standard deviations of a multinomial
     assert (abs(counts[:12] - 1000) < 5 * np.sqrt(1000 * 11 / 12)).all()
@@ -465,13 +464,15 @@ def test_a_scene_tells_drivers_the_fined_and_the_dead_apart():
     start = placed(
         world, [(0, 20.0, 1, 0.0), (0, 25.0, 1, 0.0), (1, 50.0, 2, 0.0), (2, 50.0, 1, 0.0)]
     )
-    played = rollout(
-        world,
-        lambda key, seen: {"driver": jnp.zeros((4, 2), jnp.int32) + STRAIGHT},
-        KEY,
-        3,
-        ethogram.core.rollout.Position(start, world.observe(start)),
-    )[1]
+    played = eqx.filter_jit(
+        lambda start: rollout(
+            world,
+            lambda key, seen: {"driver": jnp.zeros((4, 2), jnp.int32) + STRAIGHT},
+            KEY,
+            3,
+            ethogram.core.rollout.Position(start, world.observe(start)),
+        )[1]
+    )(start)
     scene = world.scene(played)
     boxes, arrows, crosses, rings = np.split(scene.tint[0] >= 0, 4)
     np.testing.assert_array_equal(crosses, [True, True, False, False])
