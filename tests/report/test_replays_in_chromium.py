@@ -352,6 +352,19 @@ def test_the_bounds_of_lines_stand_beside_them_whole(
     assert min(begins.values()) >= 0
 
 
+def test_a_series_that_would_be_flat_has_a_scale_of_its_own(
+    tmp_path: Path, open_tab: Callable[..., Page]
+) -> None:
+    series = {
+        "distance": np.linspace([0], [28_000], FRAMES),
+        "collisions": np.linspace([0], [490], FRAMES),
+        "level": np.zeros((FRAMES, 1)),
+    }
+    page = opened(tmp_path, open_tab, crossing(series=series))
+    names = page.locator("[data-part=lines] li").all_inner_texts()
+    assert names == ["distance", "collisions (right)", "level"]
+
+
 def test_a_page_keeps_to_its_size_and_says_which_frames_it_left_out(
     tmp_path: Path, open_tab: Callable[..., Page]
 ) -> None:

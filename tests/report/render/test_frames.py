@@ -404,3 +404,16 @@ def test_there_is_a_clear_error_where_nothing_can_be_drawn() -> None:
             render_frame(crossing(), frame)
     with pytest.raises(EthogramError, match="20 pixels wide is too narrow: 100 or more"):
         render_frame(crossing(), 0, width=20)
+
+
+def test_a_series_that_would_be_flat_has_a_scale_of_its_own(monkeypatch):
+    written = []
+    monkeypatch.setattr(Canvas, "text", lambda canvas, at, words, *_, **__: written.append(words))
+    ramp = np.linspace(0, 1, FRAMES)[:, None]
+    series = {"way": 28_000 * ramp, "hits": 490 * np.hstack([ramp, ramp]), "level": 0 * ramp}
+    render_frame(crossing(series=series), 0)
+    assert {"way", "hits 1 (right)", "hits 2 (right)", "level", "2.8e+04", "490"} <= set(written)
+    written.clear()
+    render_frame(crossing(series={"way": 28 * ramp, "hits": 2 * ramp}), 0)
+    assert {"way", "hits", "28"} <= set(written)
+    assert "2" not in written

@@ -28,6 +28,7 @@ SWATCH, INDENT, APART = 10, 15, 14  # pixels, of the legend's entries
 MOST_HEIGHT = 0.75  # of a scene, of its width
 IN_SPACE = 16 / 9  # width over height of a scene in space
 AXIS = 52  # room for numbers left of the chart
+UNLIKE = 20  # a series so many times flatter than another has a scale of its own
 EVERY = 70  # between marks on the axis below it, at least
 LINES = ("#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b")  # none is a tint's
 
@@ -139,18 +140,22 @@ def _stage(scene: Scene, frame: int, width: int, canvas: type[AnyCanvas]) -> Any
 
 
 def _plot(chart: Canvas, scene: Scene, frame: int) -> None:
-    """All lines of all series over the frames, on one scale, and a mark at the frame."""
+    """All lines of all series over the frames, on one or two scales, and a mark at the frame."""
     lines = np.concatenate(list(scene.series.values()), 1).astype(float)
-    known = np.isfinite(lines)
-    low, high = (lines[known].min(), lines[known].max()) if known.any() else (0.0, 1.0)
-    high = high if high > low else low + 1
-    left, right = AXIS + 4, chart.width - 6
+    known, on_right = np.isfinite(lines), _on_right(scene)
+    right_axis = AXIS if on_right.any() else 6
+    left, right = AXIS + 4, chart.width - right_axis
     x = left + (right - left) * np.arange(len(lines)) / max(1, len(lines) - 1)
     top, bottom = 20, chart.height - 26
-    y = bottom - (bottom - top) * (lines - low) / (high - low)
-    for number, place in ((high, top), (low, bottom)):
-        shown = truncate(f"{0 if abs(number) < (high - low) / 1000 else number:.3g}", SMALL, AXIS)
-        chart.text((AXIS, place - 1), shown, SMALL, MUTED, anchor="rm")
+    y = np.empty_like(lines)
+    for some, at, anchor in ((~on_right, AXIS, "rm"), (on_right, right + 4, "lm")):
+        if some.any():
+            low, high = _range(lines[:, some])
+            y[:, some] = bottom - (bottom - top) * (lines[:, some] - low) / (high - low)
+            for number, place in ((high, top), (low, bottom)):
+                digits = f"{0 if abs(number) < (high - low) / 1000 else number:.3g}"
+                shown = truncate(digits, SMALL, AXIS)
+                chart.text((at, place - 1), shown, SMALL, MUTED, anchor=anchor)
     chart.line([(left, bottom), (right, bottom)], MUTED)
     for mark in _marks(len(lines), right - left):
         chart.line([(x[mark], bottom), (x[mark], bottom + 4)], MUTED)
@@ -163,6 +168,21 @@ def _plot(chart: Canvas, scene: Scene, frame: int) -> None:
         if at.sum() > 1:
             chart.line(np.column_stack([x[at], y[at, line]]), _line_colour(line), 1.4)
     chart.line([(x[frame], top - 4), (x[frame], bottom + 4)], INK)
+
+
+def _range(lines: np.ndarray) -> tuple[float, float]:
+    """What an axis reaches from and to."""
+    known = lines[np.isfinite(lines)]
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    return float(low), float(high if high > low else low + 1)
+
+
+def _on_right(scene: Scene) -> np.ndarray:
+    """Of each line, whether its series would be flat beside another, and has a scale of its own."""
+    known = [lines[np.isfinite(lines)] for lines in scene.series.values()]
+    spans = np.array([float(np.ptp(values)) if values.size else 0.0 for values in known])
+    counts = [lines.shape[1] for lines in scene.series.values()]
+    return np.repeat((spans > 0) & (spans * UNLIKE < spans.max(initial=0.0)), counts)
 
 
 def _marks(frames: int, room: float) -> range:
@@ -179,13 +199,14 @@ def _line_colour(line: int) -> str:
 
 def _series_names(scene: Scene, room: float) -> Iterator[tuple[float, str, str]]:
     """Where names of lines are, and in which colours; of a series with many, one for all."""
-    left, line = 0.0, 0
+    left, line, on_right = 0.0, 0, _on_right(scene)
     for name, lines in scene.series.items():
         count = lines.shape[1]
-        named = [f"{name} {at + 1}" if count > 1 else name for at in range(count)]
+        side = " (right)" if on_right[line : line + 1].any() else ""
+        named = [f"{name} {at + 1}{side}" if count > 1 else name + side for at in range(count)]
         wide = sum(text_width(each, SMALL) + 12 for each in named)
         if count > len(LINES) or wide > room - left:
-            named = [f"{name}, {count} lines"]
+            named = [f"{name}, {count} lines{side}"]
         for at, each in enumerate(named):
             shown = truncate(each, SMALL, max(room - left, 0.0))
             look = _line_colour(line + at) if len(named) == count else MUTED

@@ -4,8 +4,9 @@ function chartOf(canvas, key, theme) {
   const COLOURS = ["#7b57c4", "#c2405a", "#6f8000", "#2b8ca3", "#96603a", "#64748b"];
   const DASHES = [["solid", []], ["dashed", [6, 3]], ["dotted", [2, 2]]];
   const MOST = 12; // lines of one series that are told apart
-  const LEFT = 44, RIGHT = 10, TOP = 8, BOTTOM = 26, EVERY = 70; // px; between marks on the axis
-  let lines = [], frames = 0, sheet = null;
+  const LEFT = 44, MARGIN = 10, TOP = 8, BOTTOM = 26, EVERY = 70; // px; between marks on the axis
+  const UNLIKE = 20; // a series so many times flatter than another has a scale of its own
+  let lines = [], frames = 0, sheet = null, scales = { left: [0, 1], right: null };
 
   const look = line => ({
     colour: COLOURS[line % COLOURS.length],
@@ -22,7 +23,7 @@ function chartOf(canvas, key, theme) {
       return Array.from({ length: number }, (_, line) => {
         const at = place++;
         return {
-          ...look(many ? first : first + line), frames: scene.frames,
+          ...look(many ? first : first + line), frames: scene.frames, series: name,
           name: many ? `${name}, ${number} lines` : number > 1 ? `${name} ${line + 1}` : name,
           value: frame => arrays.series[frame * count + at],
         };
@@ -38,13 +39,14 @@ function chartOf(canvas, key, theme) {
         ...line, colour: laneColour(lane), dash: DASHES[0], name: `${each.mark}: ${line.name}`,
       })));
     canvas.hidden = key.hidden = lines.length === 0 || frames < 2;
-    const named = new Map(lines.map(line => [line.name, line]));
-    key.replaceChildren(...[...named.values()].map(line => {
+    scales = scalesOf();
+    const named = new Map(lines.map(line => [line.right ? `${line.name} (right)` : line.name, line]));
+    key.replaceChildren(...[...named].map(([name, line]) => {
       const item = document.createElement("li"), swatch = document.createElement("span");
       swatch.className = "stroke";
       swatch.style.borderTop = `2px ${line.dash[0]} ${line.colour}`;
       const words = document.createElement("span");
-      words.textContent = line.name;
+      words.textContent = name;
       words.dir = "auto";
       item.append(swatch, words);
       return item;
@@ -52,7 +54,8 @@ function chartOf(canvas, key, theme) {
     sheet = null;
   }
 
-  const across = width => at => LEFT + (width - LEFT - RIGHT) * at / Math.max(1, frames - 1);
+  const end = width => width - (scales.right ? LEFT : MARGIN);
+  const across = width => at => LEFT + (end(width) - LEFT) * at / Math.max(1, frames - 1);
 
   // The curves are drawn once, and then only the mark moves.
   function draw(frame) {
@@ -78,16 +81,43 @@ function chartOf(canvas, key, theme) {
     pen.stroke();
   }
 
-  function range() {
+  // The least and the greatest value of some lines.
+  function extent(some) {
     let low = Infinity, high = -Infinity;
-    for (const line of lines)
+    for (const line of some)
       for (let at = 0; at < line.frames; at++) {
         const value = line.value(at);
         if (Number.isNaN(value)) continue;
         low = Math.min(low, value);
         high = Math.max(high, value);
       }
+    return [low, high];
+  }
+
+  // What an axis reaches from and to.
+  function range(some) {
+    const [low, high] = extent(some);
     return high > low ? [low, high] : Number.isFinite(low) ? [low, low + 1] : [0, 1];
+  }
+
+  // Lines on the left, and on the right those of series that would be flat there.
+  function scalesOf() {
+    const spans = new Map();
+    for (const { series } of lines) {
+      if (spans.has(series)) continue;
+      const [low, high] = extent(lines.filter(line => line.series === series));
+      spans.set(series, high > low ? high - low : 0);
+    }
+    const most = Math.max(...spans.values());
+    for (const line of lines) {
+      const span = spans.get(line.series);
+      line.right = 0 < span && span * UNLIKE < most;
+    }
+    const right = lines.filter(line => line.right);
+    return {
+      left: range(lines.filter(line => !line.right)),
+      right: right.length ? range(right) : null,
+    };
   }
 
   // In few digits: what is next to nothing beside the range is nothing.
@@ -96,23 +126,30 @@ function chartOf(canvas, key, theme) {
   }
 
   function drawCurves(pen, width, height) {
-    const [low, high] = range(), bottom = height - BOTTOM;
-    const x = across(width), y = value => bottom - (bottom - TOP) * (value - low) / (high - low);
+    const bottom = height - BOTTOM, x = across(width);
+    const y = (value, [low, high]) => bottom - (bottom - TOP) * (value - low) / (high - low);
     pen.font = "10px sans-serif";
     pen.fillStyle = theme().muted;
-    pen.textAlign = "right";
-    pen.fillText(bound(high, high - low), LEFT - 4, TOP + 4);
-    pen.fillText(bound(low, high - low), LEFT - 4, bottom + 3);
+    drawBounds(pen, scales.left, "right", LEFT - 4, bottom);
+    if (scales.right) drawBounds(pen, scales.right, "left", end(width) + 4, bottom);
     drawAxis(pen, x, bottom, width);
     pen.lineWidth = 1.4;
     for (const line of lines) {
       pen.strokeStyle = line.colour;
       pen.setLineDash(line.dash[1]);
       pen.beginPath();
-      for (let at = 0; at < line.frames; at++) pen.lineTo(x(at), y(line.value(at)));
+      for (let at = 0; at < line.frames; at++) {
+        pen.lineTo(x(at), y(line.value(at), line.right ? scales.right : scales.left));
+      }
       pen.stroke();
     }
     pen.setLineDash([]);
+  }
+
+  function drawBounds(pen, [low, high], align, at, bottom) {
+    pen.textAlign = align;
+    pen.fillText(bound(high, high - low), at, TOP + 4);
+    pen.fillText(bound(low, high - low), at, bottom + 3);
   }
 
   // Frames, at round numbers.
@@ -121,8 +158,8 @@ function chartOf(canvas, key, theme) {
     pen.lineWidth = 1;
     pen.beginPath();
     pen.moveTo(x(0), bottom + 0.5);
-    pen.lineTo(width - RIGHT, bottom + 0.5);
-    const least = Math.max(1, (frames - 1) * EVERY / (width - LEFT - RIGHT));
+    pen.lineTo(end(width), bottom + 0.5);
+    const least = Math.max(1, (frames - 1) * EVERY / (end(width) - LEFT));
     const ten = 10 ** Math.floor(Math.log10(least));
     const step = ten * [1, 2, 5, 10].find(each => ten * each >= least);
     pen.textAlign = "center";
