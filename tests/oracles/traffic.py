@@ -182,6 +182,25 @@ class Traffic:
                 speeds.append(self.v_max)
         return distances, speeds
 
+    def seen_behind(self, car):
+        """The same of the nearest cars behind: of its element, or about to come to it."""
+        distances, speeds = [], []
+        for j in (-1, 0, 1):
+            visible = []
+            if 1 <= car.y + j <= self.width(car.p):
+                for other in self.cars:
+                    if other is car or not other.present:
+                        continue
+                    back = car.x - other.x
+                    if other.p == car.p and 0 < back <= self.d_view and other.y == car.y + j:
+                        visible.append((back, other.v))
+                    if other.exit == car.p and self.stop(other) + car.x <= self.d_view:
+                        visible.append((self.stop(other) + car.x, other.v))
+            distance, v = min(visible, default=(self.d_view, car.v - self.v_max))
+            distances.append(distance)
+            speeds.append(car.v - v)
+        return distances, speeds
+
     def observations(self):
         rows = []
         for car in self.cars:
