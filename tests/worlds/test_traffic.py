@@ -15,6 +15,7 @@ from ethogram.core.keys import random_words
 from ethogram.core.rollout import rollout
 from ethogram.worlds.traffic import Graph, Section, State, Traffic
 from ethogram.worlds.traffic import neighbours as order
+from ethogram.worlds.traffic.collisions import SLOTS
 from ethogram.worlds.traffic.graph import as_graph, grid_oneway, grid_twoway
 from ethogram.worlds.traffic.start import scattered
 
@@ -38,7 +39,8 @@ def placed(world, cars):
     none = np.zeros(count, int)
     onward = world.graph.tables.following[element, 0]
     present = np.arange(count) < len(cars)
-    parts = element, position, lane, speed, onward, none, none, none > 0, present, np.array(0)
+    nobody = np.full((count, SLOTS), -1)
+    parts = element, position, lane, speed, onward, none, none, nobody, present, np.array(0)
     return State(*map(jnp.asarray, parts))
 
 
@@ -363,7 +365,7 @@ def test_cars_are_conserved_and_nothing_overlaps_that_did_not_collide(data):
     element, position = np.asarray(states.element), np.asarray(states.position)
     assert (position >= 0).all()
     assert (position <= lengths[element] + 1e-3).all()
-    untouched = np.asarray((states.dead == 0) & ~states.immune)
+    untouched = (states.dead == 0) & (states.spared_by < 0).all(-1)
     for i in range(3):
         for j in range(i):
             same = (element[:, i] == element[:, j]) & (states.lane[:, i] == states.lane[:, j])
