@@ -177,7 +177,9 @@ def _in_batch(
         return jnp.moveaxis(values, 0, own) if batched else jnp.expand_dims(values, own)
 
     # without a barrier, XLA would turn the weights round in each step of a loop, not before it
-    turned = lax.optimization_barrier(moved(weights, is_batched[0], 2))
+    turned: Array = lax.optimization_barrier(  # type: ignore[no-untyped-call]
+        moved(weights, is_batched[0], 2)
+    )
     return jnp.moveaxis(_weighted_sum(turned, moved(inputs, is_batched[1], 1)), 1, 0), True
 
 
