@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from ethogram.worlds.softbody import SoftBody3D
-from ethogram.worlds.softbody.controllers import Controller, NonSensing, Sensing, policy
+from ethogram.worlds.softbody.controllers import (
+    Controller,
+    NonSensing,
+    Sensing,
+    policy,
+    weighted_sum,
+)
 from ethogram.worlds.softbody.sensors import Sensors, flatten, unflatten
 
 ANGLE = 0.7  # 2 pi f k dt
@@ -139,3 +145,29 @@ def test_sensors_read_strain_speed_acceleration_and_the_clock() -> None:
     commanded = SoftBody3D(body="##", sensed_scale="commanded", acceleration_scale=1.0).sense(state)
     np.testing.assert_allclose(commanded.scale, [1.1, 0.9], rtol=1e-6)
     np.testing.assert_allclose(commanded.acceleration, [0.0, 200.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("axes", "product"),
+    [
+        ((0, 0), "rsio,rsi->rso"),
+        ((0, None), "rsio,si->rso"),
+        ((None, 0), "sio,rsi->rso"),
+    ],
+)
+def test_sums_of_batches_within_batches_are_those_of_each(
+    axes: tuple[int | None, int | None], product: str
+) -> None:
+    runs, robots, inputs, outputs = 2, 3, 5, 4
+    draw = np.random.default_rng(0).normal
+    weights = draw(size=(runs, robots, inputs, outputs)[axes[0] is None :]).astype(np.float32)
+    values = draw(size=(runs, robots, inputs)[axes[1] is None :]).astype(np.float32)
+
+    def total(weights: jax.Array, values: jax.Array) -> jax.Array:
+        return jax.vmap(jax.vmap(weighted_sum), axes)(weights, values)
+
+    found = jax.jit(total)(weights, values)
+    np.testing.assert_allclose(found, np.einsum(product, weights, values), rtol=1e-5, atol=1e-5)
+    slope = jax.grad(lambda weights: total(weights, values).sum())(weights)
+    plain = jax.grad(lambda weights: jnp.einsum(product, weights, values).sum())(weights)
+    np.testing.assert_allclose(slope, plain, rtol=1e-5, atol=1e-5)

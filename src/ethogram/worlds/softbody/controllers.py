@@ -21,6 +21,7 @@ import numpy as np
 from jax import Array, lax
 from jaxtyping import Float, Key
 
+from ethogram.core.batching import with_vmap_rule
 from ethogram.core.module import Module
 from ethogram.core.rollout import Policy
 from ethogram.core.search_space import SearchSpace
@@ -153,10 +154,36 @@ def weighted_sum(
 ) -> Float[Array, "output *batch"]:
     """Sums over inputs, one after the other: with robots as last axis four times as fast as `sum`.
 
-    XLA on a CPU does not vectorise a reduction over a leading axis of a product.
+    XLA on a CPU does not vectorise a reduction over a leading axis of a product.  `jax.vmap` lays
+    robots side by side, as the last axis, too.
     """
-    start = jnp.zeros_like(weights[0])
+    found: Array = _weighted_sum(weights, inputs)
+    return found
+
+
+def _one_after_the_other(weights: Array, inputs: Array) -> Array:
+    batch = jnp.broadcast_shapes(weights.shape[2:], inputs.shape[1:])
+    start = jnp.zeros((weights.shape[1], *batch), jnp.result_type(weights, inputs))
     return lax.fori_loop(0, len(weights), lambda i, so_far: so_far + weights[i] * inputs[i], start)
+
+
+def _in_batch(
+    size: int, is_batched: list[bool], weights: Array, inputs: Array
+) -> tuple[Array, bool]:
+    """A batch as the axis after those of inputs and outputs."""
+    del size
+
+    def moved(values: Array, batched: bool, own: int) -> Array:
+        return jnp.moveaxis(values, 0, own) if batched else jnp.expand_dims(values, own)
+
+    # without a barrier, XLA would turn the weights round in each step of a loop, not before it
+    turned: Array = lax.optimization_barrier(  # type: ignore[no-untyped-call]
+        moved(weights, is_batched[0], 2)
+    )
+    return jnp.moveaxis(_weighted_sum(turned, moved(inputs, is_batched[1], 1)), 1, 0), True
+
+
+_weighted_sum = with_vmap_rule(_one_after_the_other, _in_batch)
 
 
 def policy(
