@@ -175,17 +175,15 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
   if (XLA_FFI_Error* error = call.error()) return error;
 
   int64_t records = aligned(Simulation<Number>::memory(lattices.all));
-  int64_t turned = call.robots_first()
-                       ? aligned(Simulation<Number>::memory_of_commands(lattices.all, of.steps))
-                       : 0;
-  int64_t bytes = records + turned + (is_padded ? of.bonds + of.pairs : 0) + ALIGNMENT;
+  int64_t tile = call.robots_first() ? aligned(Tile<Number>::memory(lattices.all, of.steps)) : 0;
+  int64_t bytes = records + tile + (is_padded ? of.bonds + of.pairs : 0) + ALIGNMENT;
   char* memory = static_cast<char*>(malloc(bytes));
   if (!memory) {
     call.refuse("there is no memory for a block of robots: %lld bytes", (long long)bytes);
     return call.error(XLA_FFI_Error_Code_RESOURCE_EXHAUSTED);
   }
   char* start = memory + (aligned((intptr_t)memory) - (intptr_t)memory);
-  uint8_t* used = is_padded ? reinterpret_cast<uint8_t*>(start + records + turned) : nullptr;
+  uint8_t* used = is_padded ? reinterpret_cast<uint8_t*>(start + records + tile) : nullptr;
   for (int64_t body = 0; body < call.bodies(); body++) {
     Constants<Number> material;
     memcpy(&material, numbers + body * constants, sizeof material);
@@ -197,7 +195,8 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
       int64_t left = of.lanes - lane;
       Block block = {lane, left < LANES<Number> ? left : LANES<Number>};
       if (call.robots_first())
-        simulation.run_robots_first(from, commanded, to, block, start + records);
+        Tile<Number>(lattices.all, of.steps, start + records)
+            .run(simulation, from, commanded, to, block);
       else
         simulation.run(from, commanded, to, of.lanes, block);
     }

@@ -253,44 +253,10 @@ class Simulation {
         dynamic_friction_(all(of.dynamic_friction)) {}
 
   // All steps of a block, from one state's arrays to another's, which may be the same.
-  void run(const Before& before, const Commands<Number>& commands, const After& after,
-           int64_t lanes, Block block) {
-    LanesLast<Number> arrays = {lanes, block};
-    read(arrays, before);
+  void run(const Before& before, const Commands<Number>& commands,
+           const After& after, int64_t lanes, Block block) {
+    read(before, lanes, block);
     first_step_ = load_zeros<Number>(before.steps, commands.count_is_shared ? Block{0, 1} : block);
-    take_steps(commands, lanes, block);
-    write(arrays, after);
-  }
-
-  // Bytes of memory that commands need where robots are the first axis, aligned to a vector.
-  static size_t memory_of_commands(const Lattice& lattice, int64_t steps) {
-    return steps * (lattice.voxels + 3) * sizeof(Lanes);
-  }
-
-  // The same of arrays of which robots are the first axis.
-  void run_robots_first(const Before& before, const Commands<Number>& commands, const After& after,
-                        Block block, void* memory_of_commands) {
-    RobotsFirst<Number> arrays = {block};
-    read(arrays, before);
-    first_step_ = load_zeros<Number>(before.steps, commands.count_is_shared ? Block{0, 1} : block);
-    Commands<Number> turned = commands;
-    Lanes* edges = static_cast<Lanes*>(memory_of_commands);
-    int64_t rows = commands.steps * lattice_.voxels;
-    auto turn = [&](const Number* from, int64_t rows, Lanes* to) {
-      arrays.take(from, {rows, 0, rows}, Fields<Lanes>(to, to, rows));
-      return reinterpret_cast<const Number*>(to);
-    };
-    turned.edge = turn(commands.edge, rows, edges);
-    if (!commands.gravity_is_shared)
-      turned.gravity = turn(commands.gravity, 3 * commands.steps, edges + rows);
-    take_steps(turned, LANES<Number>, {0, LANES<Number>});
-    write(arrays, after);
-  }
-
- private:
-  static ETHOGRAM_INLINE Lanes all(Number value) { return broadcast(value); }
-
-  void take_steps(const Commands<Number>& commands, int64_t lanes, Block block) {
     for (int64_t step = 0; step < commands.steps; step++) {
       command(commands, step, lanes, block);
       bond_forces(step == commands.steps - 1);
@@ -298,70 +264,76 @@ class Simulation {
       move();
       first_step_ = Mask{};
     }
+    write(after, lanes, block);
   }
 
-  // A field of all voxels, or of all bonds.
-  template <class Field>
-  Fields<Lanes> of_voxels(Field& first) const {
-    return {reinterpret_cast<Lanes*>(&first), voxels_, lattice_.voxels};
-  }
-  template <class Field>
-  Fields<Lanes> of_bonds(Field& first) const {
-    return {reinterpret_cast<Lanes*>(&first), bonds_, lattice_.bonds};
-  }
-  Fields<Mask> small_angles_of_bonds() const { return {&bonds_->small, bonds_, lattice_.bonds}; }
+ private:
+  static ETHOGRAM_INLINE Lanes all(Number value) { return broadcast(value); }
 
-  template <class Arrays>
-  void read(const Arrays& arrays, const Before& state) {
-    auto take = [&](const Number* from, int64_t rows, Fields<Lanes> to) {
-      arrays.take(from, {rows, 0, rows}, to);
-    };
-    int64_t voxels = lattice_.voxels, bonds = lattice_.bonds;
-    take(state.position, 3 * voxels, of_voxels(voxels_->position));
-    take(state.momentum, 3 * voxels, of_voxels(voxels_->momentum));
-    take(state.angular_momentum, 3 * voxels, of_voxels(voxels_->angular_momentum));
-    take(state.orientation, 4 * voxels, of_voxels(voxels_->orientation));
-    take(state.edge, voxels, of_voxels(voxels_->edge));
-    for (int64_t v = 0; v < voxels; v++)
-      voxels_[v].rotation = Matrix<Lanes>::of(voxels_[v].orientation);
-    if (bonds > 0) {
-      arrays.take(state.small, bonds, small_angles_of_bonds());
-      arrays.take(state.deformation, {9 * bonds, 0, 3 * bonds}, of_bonds(bonds_->memory.x));
-      arrays.take(state.deformation, {9 * bonds, 4 * bonds, 5 * bonds}, of_bonds(bonds_->memory.y1));
+  void read(const Before& state, int64_t lanes, Block block) {
+    for (int64_t v = 0; v < lattice_.voxels; v++) {
+      auto at = [&](const Number* array, int64_t component) {
+        return load(array + (component * lattice_.voxels + v) * lanes, block);
+      };
+      auto vector = [&](const Number* array) {
+        return Vector3{at(array, 0), at(array, 1), at(array, 2)};
+      };
+      Voxel& voxel = voxels_[v];
+      voxel.position = vector(state.position);
+      voxel.momentum = vector(state.momentum);
+      voxel.angular_momentum = vector(state.angular_momentum);
+      voxel.orientation = {at(state.orientation, 0), at(state.orientation, 1),
+                           at(state.orientation, 2), at(state.orientation, 3)};
+      voxel.edge = at(state.edge, 0);
+      voxel.rotation = Matrix<Lanes>::of(voxel.orientation);
     }
-    for (int64_t b = 0; b < bonds; b++) bonds_[b].strain = all(0);
-    arrays.take(state.diverged, 1, {&diverged_, &diverged_, 1});
-    take(state.clearance, 1, {&clearance_, &clearance_, 1});
+    for (int64_t b = 0; b < lattice_.bonds; b++) {
+      auto at = [&](int64_t component) {
+        return load(state.deformation + (component * lattice_.bonds + b) * lanes, block);
+      };
+      Bond& bond = bonds_[b];
+      bond.small = load_flags<Number>(state.small + b * lanes, block);
+      bond.memory = {at(0), at(1), at(2), at(4), at(5), at(6), at(7), at(8)};
+      bond.strain = all(0);
+    }
+    diverged_ = load_flags<Number>(state.diverged, block);
+    clearance_ = load(state.clearance, block);
   }
 
-  template <class Arrays>
-  void write(const Arrays& arrays, const After& state) {
-    auto give = [&](Fields<Lanes> from, int64_t rows, Number* to) {
-      arrays.give(from, {rows, 0, rows}, to);
-    };
+  void write(const After& state, int64_t lanes, Block block) {
     Lanes none = all(0);
-    int64_t voxels = lattice_.voxels, bonds = lattice_.bonds;
-    for (int64_t v = 0; v < voxels; v++) {
+    for (int64_t v = 0; v < lattice_.voxels; v++) {
+      auto put = [&](Number* array, int64_t component, Lanes value) {
+        store(array + (component * lattice_.voxels + v) * lanes, block, value);
+      };
+      auto put_vector = [&](Number* array, Vector3 value) {
+        put(array, 0, value.x), put(array, 1, value.y), put(array, 2, value.z);
+      };
+      const Voxel& voxel = voxels_[v];
+      put_vector(state.position, voxel.position);
+      put_vector(state.momentum, voxel.momentum);
+      put_vector(state.angular_momentum, voxel.angular_momentum);
+      put_vector(state.force, voxel.force);
+      put(state.orientation, 0, voxel.orientation.w);
+      put(state.orientation, 1, voxel.orientation.x);
+      put(state.orientation, 2, voxel.orientation.y);
+      put(state.orientation, 3, voxel.orientation.z);
+      put(state.edge, 0, voxel.edge);
       // what is not finite stays so: to look once is enough; NaN - NaN and inf - inf are not 0
-      Vector3 p = voxels_[v].position;
+      Vector3 p = voxel.position;
       diverged_ |= (p.x - p.x != none) | (p.y - p.y != none) | (p.z - p.z != none);
     }
-    give(of_voxels(voxels_->position), 3 * voxels, state.position);
-    give(of_voxels(voxels_->momentum), 3 * voxels, state.momentum);
-    give(of_voxels(voxels_->angular_momentum), 3 * voxels, state.angular_momentum);
-    give(of_voxels(voxels_->force), 3 * voxels, state.force);
-    give(of_voxels(voxels_->orientation), 4 * voxels, state.orientation);
-    give(of_voxels(voxels_->edge), voxels, state.edge);
-    if (bonds > 0) {
-      arrays.give(small_angles_of_bonds(), bonds, state.small);
-      arrays.give(of_bonds(bonds_->memory.x), {9 * bonds, 0, 3 * bonds}, state.deformation);
-      arrays.give({&none, static_cast<Number*>(nullptr), bonds}, {9 * bonds, 3 * bonds, bonds},
-                  state.deformation);
-      arrays.give(of_bonds(bonds_->memory.y1), {9 * bonds, 4 * bonds, 5 * bonds}, state.deformation);
-      give(of_bonds(bonds_->strain), bonds, state.strain);
+    for (int64_t b = 0; b < lattice_.bonds; b++) {
+      const Bond& bond = bonds_[b];
+      const Deformation& d = bond.memory;
+      const Lanes rows[] = {d.x, d.y, d.z, none, d.y1, d.z1, d.x2, d.y2, d.z2};
+      for (int64_t row = 0; row < 9; row++)
+        store(state.deformation + (row * lattice_.bonds + b) * lanes, block, rows[row]);
+      store_flags<Number>(state.small + b * lanes, block, bond.small);
+      store(state.strain + b * lanes, block, bond.strain);
     }
-    arrays.give({&diverged_, &diverged_, 1}, 1, state.diverged);
-    give({&clearance_, &clearance_, 1}, 1, state.clearance);
+    store_flags<Number>(state.diverged, block, diverged_);
+    store(state.clearance, block, clearance_);
   }
 
   // Command the edges of a step, and begin the sums of forces with gravity and drag.
@@ -638,6 +610,107 @@ class Simulation {
   const Lanes floor_stiffness_, floor_drag_, static_friction_, dynamic_friction_;
   Mask first_step_, diverged_;
   Lanes clearance_;
+};
+
+// A block of arrays of which robots are the first axis, turned round: the simulation's robots last.
+template <class Number>
+class Tile {
+  typedef State<const Number, const uint8_t, const int32_t> Before;
+  typedef State<Number, uint8_t, int32_t> After;
+  static constexpr int64_t WIDTH = LANES<Number>;
+
+ public:
+  // Bytes of memory that a tile needs, aligned to a vector.
+  static size_t memory(const Lattice& of, int64_t steps) {
+    int64_t numbers = 17 * of.voxels + 10 * of.bonds + 1 + steps * (of.voxels + 3);
+    return WIDTH * (numbers * sizeof(Number) + (of.bonds + 1) + sizeof(int32_t));
+  }
+
+  Tile(const Lattice& of, int64_t steps, void* memory) : of_(of) {
+    Number* next = static_cast<Number*>(memory);
+    auto take = [&](int64_t rows) {
+      Number* taken = next;
+      next += WIDTH * rows;
+      return taken;
+    };
+    state_.position = take(3 * of.voxels);
+    state_.orientation = take(4 * of.voxels);
+    state_.momentum = take(3 * of.voxels);
+    state_.angular_momentum = take(3 * of.voxels);
+    state_.force = take(3 * of.voxels);
+    state_.edge = take(of.voxels);
+    state_.strain = take(of.bonds);
+    state_.deformation = take(9 * of.bonds);
+    state_.clearance = take(1);
+    edge_ = take(steps * of.voxels);
+    gravity_ = take(steps * 3);
+    state_.steps = reinterpret_cast<int32_t*>(next);
+    state_.small = reinterpret_cast<uint8_t*>(state_.steps + WIDTH);
+    state_.diverged = state_.small + WIDTH * of.bonds;
+  }
+
+  void run(Simulation<Number>& simulation, const Before& before, const Commands<Number>& commands,
+           const After& after, Block block) {
+    lanes_last(before.position, 3 * of_.voxels, block, state_.position);
+    lanes_last(before.orientation, 4 * of_.voxels, block, state_.orientation);
+    lanes_last(before.momentum, 3 * of_.voxels, block, state_.momentum);
+    lanes_last(before.angular_momentum, 3 * of_.voxels, block, state_.angular_momentum);
+    lanes_last(before.edge, of_.voxels, block, state_.edge);
+    lanes_last(before.deformation, 9 * of_.bonds, block, state_.deformation);
+    lanes_last(before.clearance, 1, block, state_.clearance);
+    flags_last(before.small, of_.bonds, block, state_.small);
+    flags_last(before.diverged, 1, block, state_.diverged);
+    for (int64_t lane = 0; lane < WIDTH; lane++)
+      state_.steps[lane] = before.steps[commands.count_is_shared ? 0 : block.first + at(lane, block)];
+
+    Commands<Number> turned = commands;
+    turned.count_is_shared = false;
+    lanes_last(commands.edge, commands.steps * of_.voxels, block, edge_);
+    turned.edge = edge_;
+    if (!commands.gravity_is_shared) {
+      lanes_last(commands.gravity, commands.steps * 3, block, gravity_);
+      turned.gravity = gravity_;
+    }
+    const Before state = {state_.position, state_.orientation, state_.momentum,
+                          state_.angular_momentum, state_.force, state_.edge, state_.strain,
+                          state_.small, state_.deformation, state_.steps, state_.diverged,
+                          state_.clearance};
+    simulation.run(state, turned, state_, WIDTH, {0, WIDTH});
+
+    lanes_first(state_.position, 3 * of_.voxels, block, after.position);
+    lanes_first(state_.orientation, 4 * of_.voxels, block, after.orientation);
+    lanes_first(state_.momentum, 3 * of_.voxels, block, after.momentum);
+    lanes_first(state_.angular_momentum, 3 * of_.voxels, block, after.angular_momentum);
+    lanes_first(state_.force, 3 * of_.voxels, block, after.force);
+    lanes_first(state_.edge, of_.voxels, block, after.edge);
+    lanes_first(state_.strain, of_.bonds, block, after.strain);
+    lanes_first(state_.deformation, 9 * of_.bonds, block, after.deformation);
+    lanes_first(state_.clearance, 1, block, after.clearance);
+    flags_first(state_.small, of_.bonds, block, after.small);
+    flags_first(state_.diverged, 1, block, after.diverged);
+  }
+
+ private:
+  static int64_t at(int64_t lane, Block block) {
+    return lane < block.count ? lane : block.count - 1;
+  }
+
+  static void flags_last(const uint8_t* from, int64_t rows, Block block, uint8_t* to) {
+    from += block.first * rows;
+    for (int64_t row = 0; row < rows; row++)
+      for (int64_t lane = 0; lane < WIDTH; lane++)
+        to[row * WIDTH + lane] = from[at(lane, block) * rows + row];
+  }
+
+  static void flags_first(const uint8_t* from, int64_t rows, Block block, uint8_t* to) {
+    to += block.first * rows;
+    for (int64_t lane = 0; lane < block.count; lane++)
+      for (int64_t row = 0; row < rows; row++) to[lane * rows + row] = from[row * WIDTH + lane];
+  }
+
+  const Lattice of_;
+  After state_;
+  Number *edge_, *gravity_;
 };
 
 }  // namespace beams3d

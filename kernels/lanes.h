@@ -235,198 +235,40 @@ ETHOGRAM_INLINE void transpose(Vector<Number>* rows) {
   if constexpr (distance > 1) transpose<Number, distance / 2>(rows);
 }
 
-// The first `count` numbers of a row, with anything after them; and such numbers stored.
+// A block's robots from [lane, row] to [row, LANES], its last one repeated, and back.
 template <class Number>
-ETHOGRAM_INLINE Vector<Number> load_first(const Number* row, int64_t count) {
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
-  if constexpr (sizeof(Number) == 4)
-    return _mm512_maskz_loadu_ps((__mmask16)((1u << count) - 1), row);
-  else
-    return _mm512_maskz_loadu_pd((__mmask8)((1u << count) - 1), row);
-#else
-  Number copies[LANES<Number>] = {};
-  for (int64_t i = 0; i < count; i++) copies[i] = row[i];
-  Vector<Number> lanes;
-  memcpy(&lanes, copies, sizeof lanes);
-  return lanes;
-#endif
+inline void lanes_last(const Number* from, int64_t rows, Block block, Number* to) {
+  constexpr int COUNT = LANES<Number>;
+  from += block.first * rows;
+  auto lane_at = [&](int64_t lane) {
+    return from + (lane < block.count ? lane : block.count - 1) * rows;
+  };
+  for (int64_t row = 0; rows >= COUNT; row = row + 2 * COUNT <= rows ? row + COUNT : rows - COUNT) {
+    Vector<Number> square[COUNT];
+    for (int lane = 0; lane < COUNT; lane++)
+      memcpy(&square[lane], lane_at(lane) + row, sizeof square[lane]);
+    transpose<Number>(square);
+    memcpy(to + row * COUNT, square, sizeof square);
+    if (row + COUNT == rows) return;  // the last square reaches back over some rows again
+  }
+  for (int lane = 0; lane < COUNT; lane++)
+    for (int64_t row = 0; row < rows; row++) to[row * COUNT + lane] = lane_at(lane)[row];
 }
 
 template <class Number>
-ETHOGRAM_INLINE void store_first(Number* row, int64_t count, Vector<Number> lanes) {
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
-  if constexpr (sizeof(Number) == 4)
-    _mm512_mask_storeu_ps(row, (__mmask16)((1u << count) - 1), lanes);
-  else
-    _mm512_mask_storeu_pd(row, (__mmask8)((1u << count) - 1), lanes);
-#else
-  for (int64_t i = 0; i < count; i++) row[i] = lanes[i];
-#endif
+inline void lanes_first(const Number* from, int64_t rows, Block block, Number* to) {
+  constexpr int COUNT = LANES<Number>;
+  to += block.first * rows;
+  for (int64_t row = 0; rows >= COUNT; row = row + 2 * COUNT <= rows ? row + COUNT : rows - COUNT) {
+    Vector<Number> square[COUNT];
+    memcpy(square, from + row * COUNT, sizeof square);
+    transpose<Number>(square);
+    for (int lane = 0; lane < block.count; lane++)
+      memcpy(to + lane * rows + row, &square[lane], sizeof square[lane]);
+    if (row + COUNT == rows) return;
+  }
+  for (int lane = 0; lane < block.count; lane++)
+    for (int64_t row = 0; row < rows; row++) to[lane * rows + row] = from[row * COUNT + lane];
 }
-
-// Where vectors lie in records that follow one another: one field of each, then the next field.
-template <class Lanes>
-class Fields {
- public:
-  template <class Record>
-  Fields(Lanes* first, const Record*, int64_t records)
-      : field_(first), at_(first), records_(records), stride_(sizeof(Record) / sizeof(Lanes)) {}
-
-  ETHOGRAM_INLINE Lanes& next() {
-    Lanes& found = *at_;
-    if (++record_ == records_)
-      record_ = 0, at_ = ++field_;
-    else
-      at_ += stride_;
-    return found;
-  }
-
- private:
-  Lanes *field_, *at_;
-  const int64_t records_, stride_;
-  int64_t record_ = 0;
-};
-
-// Rows of an array that has `all` of them.
-struct Rows {
-  int64_t all, first, count;
-};
-
-// Arrays [row, lane], of which a block of robots is copied to vectors in records, and back.
-template <class Number>
-struct LanesLast {
-  typedef Vector<Number> Lanes;
-  const int64_t lanes;
-  const Block block;
-
-  ETHOGRAM_INLINE void take(const Number* from, Rows rows, Fields<Lanes> to) const {
-    from += rows.first * lanes;
-    for (int64_t row = 0; row < rows.count; row++) to.next() = load(from + row * lanes, block);
-  }
-  ETHOGRAM_INLINE void give(Fields<Lanes> from, Rows rows, Number* to) const {
-    to += rows.first * lanes;
-    for (int64_t row = 0; row < rows.count; row++) store(to + row * lanes, block, from.next());
-  }
-  ETHOGRAM_INLINE void take(const uint8_t* from, int64_t rows, Fields<Mask<Number>> to) const {
-    for (int64_t row = 0; row < rows; row++) to.next() = load_flags<Number>(from + row * lanes, block);
-  }
-  ETHOGRAM_INLINE void give(Fields<Mask<Number>> from, int64_t rows, uint8_t* to) const {
-    for (int64_t row = 0; row < rows; row++) store_flags<Number>(to + row * lanes, block, from.next());
-  }
-};
-
-// The same of arrays [lane, row], a square of rows and lanes after the other.
-template <class Number>
-struct RobotsFirst {
-  typedef Vector<Number> Lanes;
-  typedef typename VectorOf<Number>::Flag Flag;
-  static constexpr int COUNT = LANES<Number>;
-  typedef uint8_t Bytes __attribute__((vector_size(COUNT)));
-  const Block block;
-
-  // Which of all robots a lane of the block is.
-  ETHOGRAM_INLINE int64_t robot(int64_t lane) const {
-    return block.first + (lane < block.count ? lane : block.count - 1);
-  }
-
-  void take(const Number* from, Rows rows, Fields<Lanes> to) const {
-    if (rows.all == 1) {
-      to.next() = load(from, block);
-      return;
-    }
-    from += rows.first;
-    for (int64_t row = 0; row < rows.count; row += COUNT) {
-      Lanes square[COUNT];
-      int64_t count = rows.count - row;
-      if (count >= COUNT) {
-        for (int lane = 0; lane < COUNT; lane++)
-          memcpy(&square[lane], from + robot(lane) * rows.all + row, sizeof square[lane]);
-        transpose<Number>(square);
-        for (int i = 0; i < COUNT; i++) to.next() = square[i];
-      } else {
-        for (int lane = 0; lane < COUNT; lane++)
-          square[lane] = load_first<Number>(from + robot(lane) * rows.all + row, count);
-        transpose<Number>(square);
-        for (int64_t i = 0; i < count; i++) to.next() = square[i];
-      }
-    }
-  }
-
-  void give(Fields<Lanes> from, Rows rows, Number* to) const {
-    if (rows.all == 1) return store(to, block, from.next());
-    to += block.first * rows.all + rows.first;
-    for (int64_t row = 0; row < rows.count; row += COUNT) {
-      Lanes square[COUNT];
-      int64_t count = rows.count - row;
-      if (count >= COUNT) {
-        for (int i = 0; i < COUNT; i++) square[i] = from.next();
-        transpose<Number>(square);
-        for (int lane = 0; lane < COUNT; lane++)
-          if (lane < block.count) memcpy(to + lane * rows.all + row, &square[lane], sizeof square[lane]);
-      } else {
-        for (int64_t i = 0; i < COUNT; i++) square[i] = i < count ? from.next() : Lanes{};
-        transpose<Number>(square);
-        for (int lane = 0; lane < COUNT; lane++)
-          if (lane < block.count) store_first<Number>(to + lane * rows.all + row, count, square[lane]);
-      }
-    }
-  }
-
-  void take(const uint8_t* from, int64_t rows, Fields<Mask<Number>> to) const {
-    if (rows == 1) {
-      to.next() = load_flags<Number>(from, block);
-      return;
-    }
-    for (int64_t row = 0; row < rows; row += COUNT) {
-      Lanes square[COUNT];
-      int64_t count = rows - row < COUNT ? rows - row : COUNT;
-      for (int lane = 0; lane < COUNT; lane++)
-        square[lane] = widened(from + robot(lane) * rows + row, count);
-      transpose<Number>(square);
-      for (int64_t i = 0; i < count; i++) to.next() = (Mask<Number>)square[i] != Mask<Number>{};
-    }
-  }
-
-  void give(Fields<Mask<Number>> from, int64_t rows, uint8_t* to) const {
-    if (rows == 1) return store_flags<Number>(to, block, from.next());
-    to += block.first * rows;
-    for (int64_t row = 0; row < rows; row += COUNT) {
-      Lanes square[COUNT];
-      int64_t count = rows - row < COUNT ? rows - row : COUNT;
-      for (int64_t i = 0; i < COUNT; i++) square[i] = i < count ? (Lanes)from.next() : Lanes{};
-      transpose<Number>(square);
-      for (int lane = 0; lane < block.count; lane++)
-        narrowed(square[lane], count, to + lane * rows + row);
-    }
-  }
-
- private:
-  // A few bytes of truth values as lanes, and lanes as such bytes.
-  static ETHOGRAM_INLINE Lanes widened(const uint8_t* from, int64_t count) {
-#if defined(__AVX512BW__) && defined(__AVX512VL__)
-    __m128i some = _mm_maskz_loadu_epi8((__mmask16)((1u << count) - 1), from);
-    Bytes bytes;
-    memcpy(&bytes, &some, sizeof bytes);
-#else
-    uint8_t copies[COUNT] = {};
-    for (int64_t i = 0; i < count; i++) copies[i] = from[i];
-    Bytes bytes;
-    memcpy(&bytes, copies, sizeof bytes);
-#endif
-    return (Lanes)__builtin_convertvector(bytes, Mask<Number>);
-  }
-  static ETHOGRAM_INLINE void narrowed(Lanes lanes, int64_t count, uint8_t* to) {
-    Bytes bytes = __builtin_convertvector((Mask<Number>)lanes, Bytes) & 1;
-#if defined(__AVX512BW__) && defined(__AVX512VL__)
-    __m128i some = {};
-    memcpy(&some, &bytes, sizeof bytes);
-    _mm_mask_storeu_epi8(to, (__mmask16)((1u << count) - 1), some);
-#else
-    uint8_t copies[COUNT];
-    memcpy(copies, &bytes, sizeof bytes);
-    for (int64_t i = 0; i < count; i++) to[i] = copies[i];
-#endif
-  }
-};
 
 }  // namespace ethogram
