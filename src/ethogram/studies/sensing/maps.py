@@ -1,4 +1,7 @@
-"""Maps of behaviours: runs that move alike lie near to each other (figures 5.5 and 5.6)."""
+"""Maps of behaviours: runs that move alike lie near to each other (figures 5.5 and 5.6).
+
+t-SNE makes much of rounding: processors of different kinds draw its maps differently.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
