@@ -35,7 +35,7 @@ def test_data_files_hold_what_the_records_hold(results):
     assert tables
     for table in tables:
         published = folder / table.relative_to(report)
-        rows = (list(csv.reader(file.open())) for file in (published, table))
+        rows = (list(csv.reader(file.read_text().splitlines())) for file in (published, table))
         assert_alike(*rows, embedded="t-sne" in table.stem)
         drawn = published.with_suffix(".svg").exists()
         assert drawn == table.with_suffix(".svg").exists()
