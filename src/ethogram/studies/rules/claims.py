@@ -21,6 +21,7 @@ from itertools import pairwise
 
 from ethogram.campaign.study import Records
 from ethogram.core.findings import Claim, Side
+from ethogram.studies.chapter import Measure
 from ethogram.studies.readings import DEFAULT
 from ethogram.studies.rules import beyond
 from ethogram.studies.rules import results as measure
@@ -72,50 +73,41 @@ def of_the_chapter(results: Results, compared: list[Pair]) -> list[ClaimSpec]:
 
 
 def _less_efficient(results: Results, compared: list[Pair]) -> ClaimSpec:
-    return ClaimSpec(
+    return _lower_with_rules(
+        results,
+        compared,
+        ("E", measure.training_efficiency, LESS_EFFICIENT, SPEED),
         number=1,
         statement="Drivers trained with rules are less efficient: E is lower.",
         source="section 4.5, figures 4.4 and 4.5",
         test="At the end of training E with rules is lower than E without by more than 5%, "
         "whether cars that collided are removed or restored.",
-        parts=tuple(
-            lower(results, "E", measure.training_efficiency, *pair, LESS_EFFICIENT, SPEED)
-            for pair in compared
-        ),
-        needs=needs(results, compared),
-        stated=STATED,
     )
 
 
 def _safer(results: Results, compared: list[Pair]) -> ClaimSpec:
-    return ClaimSpec(
+    return _lower_with_rules(
+        results,
+        compared,
+        ("C", measure.training_collisions, LOWER, COLLISIONS),
         number=2,
         statement="Drivers trained with rules are safer: C is lower.",
         source="section 4.5, figures 4.4 and 4.5",
         test="At the end of training C with rules is lower than C without by more than 10%, "
         "whether cars that collided are removed or restored.",
-        parts=tuple(
-            lower(results, "C", measure.training_collisions, *pair, LOWER, COLLISIONS)
-            for pair in compared
-        ),
-        needs=needs(results, compared),
-        stated=STATED,
     )
 
 
 def _more_equal(results: Results, compared: list[Pair]) -> ClaimSpec:
-    return ClaimSpec(
+    return _lower_with_rules(
+        results,
+        compared,
+        ("sd of E", measure.training_deviation, LOWER, SPEED),
         number=3,
         statement="Rules favour equity: with rules E differs less among cars.",
         source="section 4.5, figures 4.4 and 4.5",
         test="At the end of training the standard deviation of E among cars is lower with rules "
         "than without by more than 10%, whether cars that collided are removed or restored.",
-        parts=tuple(
-            lower(results, "sd of E", measure.training_deviation, *pair, LOWER, SPEED)
-            for pair in compared
-        ),
-        needs=needs(results, compared),
-        stated=STATED,
     )
 
 
@@ -183,15 +175,37 @@ def _saturates(results: Results, pair: Pair) -> ClaimSpec:
 
 
 def _safer_without_fines(results: Results, compared: list[Pair]) -> ClaimSpec:
-    collisions = measure.in_traffic("collisions", USUAL)
-    return ClaimSpec(
+    return _lower_with_rules(
+        results,
+        compared,
+        ("C", measure.in_traffic("collisions", USUAL), LOWER, COLLISIONS),
         number=6,
         statement="Rules also make driving safer when nobody is fined any more, after training.",
         source="section 4.6",
         test="After training, in traffic of 40 cars, C of drivers trained with rules is lower by "
         "more than 10% than C of drivers trained without, whether cars that collided are removed "
         "or restored.",
-        parts=tuple(lower(results, "C", collisions, *pair, LOWER, COLLISIONS) for pair in compared),
+    )
+
+
+def _lower_with_rules(
+    results: Results,
+    compared: list[Pair],
+    what: tuple[str, Measure, float, str],
+    *,
+    number: int,
+    statement: str,
+    source: str,
+    test: str,
+) -> ClaimSpec:
+    """That a measure (its name, itself, the share, its unit) is lower with rules in every pair."""
+    name, measured, share, unit = what
+    return ClaimSpec(
+        number=number,
+        statement=statement,
+        source=source,
+        test=test,
+        parts=tuple(lower(results, name, measured, *pair, share, unit) for pair in compared),
         needs=needs(results, compared),
         stated=STATED,
     )
