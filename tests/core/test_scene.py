@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import (
-    COLOURS,
-    GRADED_COLOURS,
-    BackgroundShape,
-    Scene,
-    Shape,
-    Tint,
-    grouped,
-    groups_by_trial,
-    tints,
-)
+from ethogram.core.recorded import grouped, groups_by_trial
+from ethogram.core.scene import COLOURS, GRADED_COLOURS, BackgroundShape, Scene, Shape, Tint, tints
 
 
 def scene(**changes):

@@ -32,7 +32,8 @@ from tests.report.player import (
 
 from ethogram import cli
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Shape, groups_by_trial, tints
+from ethogram.core.recorded import groups_by_trial
+from ethogram.core.scene import Shape, tints
 from ethogram.report import Replay, StudyPage, write, write_replay
 from ethogram.report.replay import encode_replays, subsample
 

@@ -231,7 +231,7 @@ def trials_in(folder: Path, study: str, case: str) -> "dict[int, Replay]":
 
 def trials_of(case: str, groups: "Record") -> "list[Replay]":
     """The scenes of a case, those of the first trials."""
-    from ethogram.core.scene import groups_by_trial
+    from ethogram.core.recorded import groups_by_trial
 
     found = groups_by_trial(groups).items()
     return [_replay(case, groups[group], trial) for trial, group in found]

@@ -43,8 +43,6 @@ BackgroundKind = Literal["line", "polygon"]
 Point = tuple[float, float]
 LEAST_VERTICES = {"line": 2, "polygon": 3}
 FLAT = ("heading", "vertices")  # arrays of scenes in the plane
-GROUP = "scene"  # of a record
-RECORDED = 3  # trials of a case whose scenes are kept, the first ones
 OPTIONAL = {  # arrays that not every scene has: their further axes, and their types when stored
     "said": ((), np.int16),
     "scale": ((), np.float32),
@@ -447,21 +445,3 @@ def _at_most(widest: Any, array: np.ndarray) -> np.ndarray:
     kind = np.dtype(widest)
     narrower = array.dtype.kind == kind.kind and array.dtype.itemsize < kind.itemsize
     return array if narrower else array.astype(kind)
-
-
-def grouped(scenes: "Sequence[Scene]") -> "dict[str, xr.Dataset]":
-    """Scenes of a case's first trials as groups of its record: scene, scene-2, scene-3, ..."""
-    return {
-        GROUP if trial == 1 else f"{GROUP}-{trial}": scene.to_dataset()
-        for trial, scene in enumerate(scenes, start=1)
-    }
-
-
-def groups_by_trial(groups: "Iterable[str]") -> dict[int, str]:
-    """Those groups of a record that hold scenes, by the number of the trial."""
-    found = {}
-    for name in groups:
-        stem, _, trial = name.partition("-")
-        if stem == GROUP and (trial.isdecimal() or not trial):
-            found[int(trial or 1)] = name
-    return dict(sorted(found.items()))

@@ -17,7 +17,8 @@ from ethogram import cli
 from ethogram.cli import commands
 from ethogram.cli.gather import trials_of
 from ethogram.core.errors import EthogramError
-from ethogram.core.scene import Scene, grouped, groups_by_trial
+from ethogram.core.recorded import grouped, groups_by_trial
+from ethogram.core.scene import Scene
 from ethogram.report import Replay
 from ethogram.report.render import video
 from ethogram.report.render.frames import MARGIN, render_frame

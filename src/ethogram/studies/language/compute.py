@@ -16,7 +16,7 @@ from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
 from ethogram.core.pytrees import from_arrays, to_arrays
-from ethogram.core.scene import RECORDED, grouped
+from ethogram.core.recorded import RECORDED, grouped
 from ethogram.core.specs import role_specs
 from ethogram.core.wrappers import unwrapped
 from ethogram.learners.base import Metrics

@@ -16,8 +16,9 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import branch, fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.recorded import RECORDED
 from ethogram.core.rollout import Policy
-from ethogram.core.scene import RECORDED, Scene
+from ethogram.core.scene import Scene
 from ethogram.core.world import PerRole, World
 from ethogram.learners.base import Metrics
 from ethogram.learners.qlearning import QLearning, QLearningState

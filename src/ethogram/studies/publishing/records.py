@@ -14,7 +14,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int, Num
 
-from ethogram.core.scene import Scene, grouped
+from ethogram.core.recorded import grouped
+from ethogram.core.scene import Scene
 from ethogram.studies.publishing.condition import SNAPSHOTS, Condition
 from ethogram.studies.readings import DEFAULT
 from ethogram.worlds.publishing.indicators import INDICATORS

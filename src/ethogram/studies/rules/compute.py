@@ -13,7 +13,7 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.scene import grouped
+from ethogram.core.recorded import grouped
 from ethogram.learners.base import Metrics, Trials
 from ethogram.learners.ppo import PPOState
 from ethogram.studies.rules.plan import Settings, cars_of, condition_of, learner_of, world_of

@@ -9,7 +9,7 @@ from pydantic import Field
 from ethogram.campaign.case import Case
 from ethogram.campaign.plan import Grid, Plan
 from ethogram.campaign.settings_json import flatten, to_json
-from ethogram.core.scene import RECORDED
+from ethogram.core.recorded import RECORDED
 from ethogram.core.settings import Count, Positive, Seed, settings_class, settings_of
 from ethogram.core.world import World
 from ethogram.learners.ppo import PPO, PRESETS

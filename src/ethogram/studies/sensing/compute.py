@@ -15,8 +15,8 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
+from ethogram.core.recorded import RECORDED, grouped
 from ethogram.core.rollout import Policy
-from ethogram.core.scene import RECORDED, grouped
 from ethogram.learners.base import Metrics, Trials
 from ethogram.learners.evolution import AgeFitness, Evaluation, Population, best
 from ethogram.learners.evolution.age_fitness import generation_bytes

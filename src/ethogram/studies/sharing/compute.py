@@ -11,7 +11,7 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.memory import require_memory
-from ethogram.core.scene import RECORDED, grouped
+from ethogram.core.recorded import RECORDED, grouped
 from ethogram.learners.base import Metrics
 from ethogram.studies.sharing.plan import Settings, condition_of, learner_of
 from ethogram.studies.sharing.validation import ACTS, TRANSITION_BYTES, Watched, watch
