@@ -130,25 +130,23 @@ def pad(body: Lattice, voxels: int, bodies: int) -> Lattice:
         bodies: how many rigid bodies of each colour it has.
 
     """
-    body = jax.tree.map(np.asarray, body)
     more, room = voxels - body.voxels, bodies - body.bodies
-    none = np.where(body.voxel == body.voxels, voxels, body.voxel)
+    none = jnp.where(body.voxel == body.voxels, voxels, body.voxel)
 
-    def wider(values: np.ndarray, fill: float = 0) -> np.ndarray:
-        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, room)], constant_values=fill)
+    def wider(values: Array, fill: float = 0) -> Array:
+        return jnp.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, room)], constant_values=fill)
 
-    filled = Lattice(
-        cell=np.pad(body.cell, ((0, more), (0, 0))),
-        used=np.pad(body.used, (0, more)),
-        mirror=np.pad(body.mirror, ((0, 0), (0, more)), constant_values=1),
-        body=np.pad(body.body, ((0, 0), (0, more))),
-        voxel=np.pad(none, ((0, 0), (0, room), (0, 0)), constant_values=voxels),
+    return Lattice(
+        cell=jnp.pad(body.cell, ((0, more), (0, 0))),
+        used=jnp.pad(body.used, (0, more)),
+        mirror=jnp.pad(body.mirror, ((0, 0), (0, more)), constant_values=1),
+        body=jnp.pad(body.body, ((0, 0), (0, more))),
+        voxel=jnp.pad(none, ((0, 0), (0, room), (0, 0)), constant_values=voxels),
         vertex=wider(body.vertex),
         centre=wider(body.centre),
         squares=wider(body.squares, 1),
         inertia=wider(body.inertia, SQUARE_INERTIA),
     )
-    return jax.tree.map(jnp.asarray, filled)
 
 
 def most_bodies(voxels: int) -> int:
