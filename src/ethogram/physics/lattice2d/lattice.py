@@ -94,9 +94,9 @@ def lattices(bodies: Sequence[Int[np.ndarray, "voxel 2"]], voxels: int | None = 
     """
     most = max(map(len, bodies)) if voxels is None else voxels
     cells, used = np.zeros((len(bodies), most, 2), np.int32), np.zeros((len(bodies), most), bool)
-    for number, body in enumerate(bodies):
-        cells[number, : len(body)] = body
-        used[number, : len(body)] = True
+    for index, body in enumerate(bodies):
+        cells[index, : len(body)] = body
+        used[index, : len(body)] = True
     members = np.stack([_welded(cells, used, colour) for colour in range(COLOURS)], 1)
     is_first = (members[..., 0] == np.arange(most)) & used[:, None]  # it stands for a rigid body
     number: np.ndarray = np.take_along_axis(
