@@ -23,8 +23,9 @@ Deviations from the tutorial:
   all runs that are side by side in the same ones.
 - Ranks are strict: of candidates that tie, who comes first is drawn at random, and no two have the
   same weight.
-- Sigma grows where at least 70% of the candidates tie for the best (its appendix C.1), but never
-  beyond 10 000 times its first value, where the tutorial would stop (TolXUp, B.3).
+- Sigma grows where at least 70% of the candidates tie for the best (its appendix C.1), but the
+  longest axis never beyond 10 000 times the first sigma, where the tutorial would stop (TolXUp,
+  B.3).
 - Candidates beyond the limits of a search space are put on them, and it is these that are evaluated
   and learned from: there is no penalty.
 - With `restarts`, a run that has converged or got stuck (see `cmaes_restarts`) begins anew from a
@@ -32,6 +33,7 @@ Deviations from the tutorial:
   double them, but arrays keep their sizes.  The best ever is kept.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -64,13 +66,17 @@ from ethogram.learners.evolution.cmaes_parameters import (
     parameters,
     smallest_count,
 )
+from ethogram.learners.evolution.cmaes_restarts import is_over, patience
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {"modern": {}, "thesis": {"active": False, "sigma0": 0.5, "restarts": False}}
 )
 
-LARGEST_GROWTH = 1e4  # of sigma, times its first value
+LARGEST_GROWTH = 1e4  # of the longest axis, sigma max(D), times the first sigma
+LARGEST_EIGENVALUE = 1e8  # of C; beyond it, or below its inverse, sigma takes over the difference
 LEAST_SIGMA = 1e-30  # that steps can be divided by
+
+_RESTART = 1  # folded into the key of `tell`, for the mean of a new run
 
 
 class CMAESState(eqx.Module):
@@ -86,6 +92,9 @@ class CMAESState(eqx.Module):
     fitness: Float[Array, "candidate"]  # of the candidates that were evaluated last
     best_ever: BestEver
     diverged: Int[Array, ""]  # of the candidates that were evaluated last
+    restart_fitness: Float[Array, ""]  # the best since the last restart
+    unimproved: Int[Array, ""]  # generations since it last rose
+    restarts: Int[Array, ""]
 
 
 class CMAES(EvolutionaryLearner):
@@ -105,6 +114,7 @@ class CMAES(EvolutionaryLearner):
         active: whether the worst candidates have negative weights.
         flat_share: of the candidates, above 0 and up to 1: where at least as many tie for the best,
             sigma grows; None for never.
+        restarts: whether a run that has converged or got stuck begins anew.
 
     """
 
@@ -119,6 +129,7 @@ class CMAES(EvolutionaryLearner):
     flat_share: float | None = setting(
         0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True
     )
+    restarts: bool = setting(False, bool, static=True)
 
     @property
     def parameters(self) -> Parameters:
@@ -151,33 +162,21 @@ class CMAES(EvolutionaryLearner):
             f"CMA-ES of {size:,} candidates of {genes} genes with a {kind} covariance",
             generation_bytes(size, genes, kind),
         )
-        mean = self.search_space.sample(key, 1)[0]
-        none = jnp.zeros((), jnp.int32)
-        return CMAESState(
-            mean=mean,
-            sigma=jnp.asarray(self.sigma0, jnp.float32),
-            sigma_path=jnp.zeros(genes),
-            path=jnp.zeros(genes),
-            covariance=COVARIANCES[kind].identity(genes),
-            generation=none,
-            generations=none,
-            fitness=jnp.full(size, WORST_FITNESS, jnp.float32),
-            best_ever=BestEver(mean, jnp.float32(WORST_FITNESS)),
-            diverged=none,
-        )
+        return self._start(key)
 
     def metrics(self, state: CMAESState) -> Metrics:
         """The numbers of a generation.
 
         The `best` fitness ever, also as `episode_return`; the `mean` of the candidates that did not
         diverge (0 if all did); `sigma`; the `condition` of C, its largest eigenvalue over its least;
-        how many candidates have `diverged`.
+        how many candidates have `diverged`; how many `restarts` there were.
         """
         values = state.covariance.eigenvalues()
         return fitness_metrics(state.best_ever.fitness, state.fitness) | {
             "sigma": state.sigma,
             "condition": values.max() / values.min(),
             "diverged": state.diverged,
+            "restarts": state.restarts,
         }
 
     def ask(self, key: Key[Array, ""], state: CMAESState) -> Float[Array, "candidate gene"]:
@@ -206,21 +205,73 @@ class CMAES(EvolutionaryLearner):
         sigma_path = self._sigma_path(state, jnp.maximum(weights, 0.0) @ z)
         sigma = self._sigma(state.sigma, sigma_path, fitness)
         path, change = self._change(state, generation, sigma_path, step, weights, y, z)
-        covariance = state.covariance.changed(change)
         is_due = in_any_copy((state.generations + 1) % self.parameters.gap == 0)
-        covariance = lax.cond(is_due, lambda old: old.decomposed(), lambda old: old, covariance)
-        return CMAESState(
+        covariance, unit = lax.cond(
+            is_due, renewed, lambda old: (old, jnp.float32(1)), state.covariance.changed(change)
+        )
+        sigma = self._within_limits(sigma * unit, covariance)
+        best = jnp.maximum(fitness.max(), state.restart_fitness)
+        after = CMAESState(
             mean=mean,
             sigma=sigma,
             sigma_path=sigma_path,
-            path=path,
+            path=path / unit,
             covariance=covariance,
             generation=generation,
             generations=state.generations + 1,
             fitness=fitness,
             best_ever=state.best_ever.after(candidates, fitness),
             diverged=evaluation.diverged.sum(),
+            restart_fitness=best,
+            unimproved=jnp.where(best > state.restart_fitness, 0, state.unimproved + 1),
+            restarts=state.restarts,
         )
+        return self._restarted(jax.random.fold_in(key, _RESTART), after) if self.restarts else after
+
+    def _start(self, key: Key[Array, ""]) -> CMAESState:
+        """A run that begins at a mean drawn from the search space."""
+        size, genes = self._candidates, self.search_space.size
+        mean = self.search_space.sample(key, 1)[0]
+        none, worst = jnp.int32(0), jnp.float32(WORST_FITNESS)
+        return CMAESState(
+            mean=mean,
+            sigma=jnp.asarray(self.sigma0, jnp.float32),
+            sigma_path=jnp.zeros(genes),
+            path=jnp.zeros(genes),
+            covariance=COVARIANCES[self._covariance].identity(genes),
+            generation=none,
+            generations=none,
+            fitness=jnp.full(size, worst),
+            best_ever=BestEver(mean, worst),
+            diverged=none,
+            restart_fitness=worst,
+            unimproved=none,
+            restarts=none,
+        )
+
+    def _restarted(self, key: Key[Array, ""], state: CMAESState) -> CMAESState:
+        """The same state, or where its run is over, the beginning of another."""
+        over = is_over(
+            state.unimproved,
+            patience(self.search_space.size, self._candidates),
+            state.mean,
+            state.sigma,
+            LARGEST_GROWTH * self.sigma0,
+            state.covariance,
+        )
+
+        def anew() -> CMAESState:
+            fresh = dataclasses.replace(
+                self._start(key),
+                generations=state.generations,
+                fitness=state.fitness,
+                best_ever=state.best_ever,
+                diverged=state.diverged,
+                restarts=state.restarts + 1,
+            )
+            return jax.tree.map(lambda new, old: jnp.where(over, new, old), fresh, state)
+
+        return lax.cond(in_any_copy(over), anew, lambda: state)
 
     def _sigma_path(
         self, state: CMAESState, step: Float[Array, "gene"]
@@ -245,7 +296,12 @@ class CMAES(EvolutionaryLearner):
             is_flat = tied >= smallest_count(self.flat_share, fitness.size)
             is_flat &= fitness.max() > WORST_FITNESS
             sigma = jnp.where(is_flat, sigma * of.flat_factor, sigma)
-        return jnp.clip(sigma, LEAST_SIGMA, LARGEST_GROWTH * self.sigma0)
+        return sigma
+
+    def _within_limits(self, sigma: Float[Array, ""], covariance: Covariance) -> Float[Array, ""]:
+        """A sigma with which no axis of the distribution is longer than it may become."""
+        longest = jnp.sqrt(covariance.eigenvalues().max())
+        return jnp.clip(sigma, LEAST_SIGMA, LARGEST_GROWTH * self.sigma0 / longest)
 
     def _change(
         self,
@@ -270,6 +326,18 @@ class CMAES(EvolutionaryLearner):
         delta = (1 - h_sigma) * of.c_c * (2 - of.c_c)
         kept = 1 + of.c_1 * delta - of.c_1 - of.c_mu * of.weights.sum()  # eq. 47
         return path, Change(kept, path, of.c_1, y, of.c_mu * balanced)
+
+
+def renewed(covariance: Covariance) -> tuple[Covariance, Float[Array, ""]]:
+    """C decomposed, and the unit in which steps are measured from now on, so that C stays in range.
+
+    It is 1 as long as the largest eigenvalue is neither huge nor tiny.
+    """
+    covariance = covariance.decomposed()
+    largest = covariance.eigenvalues().max()
+    is_far = (largest > LARGEST_EIGENVALUE) | (largest < 1 / LARGEST_EIGENVALUE)
+    unit = jnp.where(is_far, largest, 1.0)
+    return covariance.divided(unit), jnp.sqrt(unit)
 
 
 def generation_bytes(population_size: int, genes: int, covariance: str) -> int:

@@ -1,8 +1,8 @@
 """The covariance C of CMA-ES: full, separable (diagonal), or isotropic (the identity).
 
 All have the same methods.  C^(1/2) is the symmetric root, which does not depend on the signs and
-the order of eigenvectors, so that a run does not either.  In 32 bits eigenvalues below a millionth
-of a tenth of the largest are rounding errors: they are raised to that.
+the order of eigenvectors, so that a run does not either.  In 32 bits eigenvalues below 1e-7 times
+the largest are rounding errors: they are raised to that.
 
 Equations are numbered as in Hansen's tutorial (2016, arXiv:1604.00772).
 """
@@ -48,49 +48,61 @@ class Covariance(eqx.Module):
         """The same C, with the root of it as it is now."""
 
     @abstractmethod
+    def divided(self, unit: Float[Array, ""]) -> "Covariance":
+        """C over a number."""
+
+    @abstractmethod
     def eigenvalues(self) -> Float[Array, "value"]:
         """Those of C as it was last decomposed."""
+
+    @abstractmethod
+    def variances(self) -> Float[Array, "value"]:
+        """The diagonal of C."""
 
 
 class Full(Covariance):
     """Any covariance: n^2 numbers, and n^3 operations to decompose it."""
 
     matrix: Float[Array, "gene gene"]
-    root: Float[Array, "gene gene"]
-    inverse_root: Float[Array, "gene gene"]
-    values: Float[Array, "gene"]  # eigenvalues
+    vectors: Float[Array, "gene gene"]  # B: eigenvectors are its columns
+    values: Float[Array, "gene"]  # D^2: eigenvalues
 
     @classmethod
     def identity(cls, genes: int) -> "Full":
         """The first."""
-        return cls(jnp.eye(genes), jnp.eye(genes), jnp.eye(genes), jnp.ones(genes))
+        return cls(jnp.eye(genes), jnp.eye(genes), jnp.ones(genes))
 
     def scaled(self, z: Float[Array, "*candidate gene"]) -> Float[Array, "*candidate gene"]:
-        """C^(1/2) z."""
-        return z @ self.root
+        """B D B^T z."""
+        return ((z @ self.vectors) * jnp.sqrt(self.values)) @ self.vectors.T
 
     def whitened(self, y: Float[Array, "*candidate gene"]) -> Float[Array, "*candidate gene"]:
-        """C^(-1/2) y."""
-        return y @ self.inverse_root
+        """B D^-1 B^T y."""
+        return ((y @ self.vectors) / jnp.sqrt(self.values)) @ self.vectors.T
 
     def changed(self, change: Change) -> "Full":
         """C after a generation."""
         steps = jnp.concatenate([change.steps, change.path[None]])
         rates = jnp.append(change.step_rates, change.path_rate)
         matrix = change.kept * self.matrix + (rates[:, None] * steps).T @ steps  # eq. 47
-        return Full(matrix, self.root, self.inverse_root, self.values)
+        return Full(matrix, self.vectors, self.values)
 
     def decomposed(self) -> "Full":
         """The same C, with its root."""
         values, vectors = jnp.linalg.eigh(self.matrix)  # of its symmetric part
-        values = jnp.maximum(values, LEAST_EIGENVALUE * values.max())
-        lengths = jnp.sqrt(values)
-        root, inverse_root = (vectors * lengths) @ vectors.T, (vectors / lengths) @ vectors.T
-        return Full(self.matrix, root, inverse_root, values)
+        return Full(self.matrix, vectors, jnp.maximum(values, LEAST_EIGENVALUE * values.max()))
+
+    def divided(self, unit: Float[Array, ""]) -> "Full":
+        """C over a number."""
+        return Full(self.matrix / unit, self.vectors, self.values / unit)
 
     def eigenvalues(self) -> Float[Array, "value"]:
         """Those of C as it was last decomposed."""
         return self.values
+
+    def variances(self) -> Float[Array, "value"]:
+        """The diagonal of C."""
+        return jnp.maximum(jnp.diagonal(self.matrix), 0.0)
 
 
 class Separable(Covariance):
@@ -121,9 +133,17 @@ class Separable(Covariance):
         """The same C: its root is at hand."""
         return self
 
+    def divided(self, unit: Float[Array, ""]) -> "Separable":
+        """C over a number."""
+        return Separable(self.diagonal / unit)
+
     def eigenvalues(self) -> Float[Array, "value"]:
         """Those of C."""
         return jnp.maximum(self.diagonal, LEAST_EIGENVALUE * self.diagonal.max())
+
+    def variances(self) -> Float[Array, "value"]:
+        """The diagonal of C."""
+        return self.eigenvalues()
 
 
 class Isotropic(Covariance):
@@ -152,7 +172,16 @@ class Isotropic(Covariance):
         """The same."""
         return self
 
+    def divided(self, unit: Float[Array, ""]) -> "Isotropic":
+        """The same: its unit is always 1."""
+        del unit
+        return self
+
     def eigenvalues(self) -> Float[Array, "value"]:
+        """One, for all of them."""
+        return jnp.ones(1)
+
+    def variances(self) -> Float[Array, "value"]:
         """One, for all of them."""
         return jnp.ones(1)
 
