@@ -11,11 +11,13 @@ from ethogram.learners.evolution.base import (
 )
 from ethogram.learners.evolution.cmaes import CMAES, CMAESState
 from ethogram.learners.evolution.genetic import Genetic, GeneticState
+from ethogram.learners.evolution.map_elites import Archive, MAPElites
 
 __all__ = [
     "CMAES",
     "WORST_FITNESS",
     "AgeFitness",
+    "Archive",
     "BestEver",
     "CMAESState",
     "Evaluation",
@@ -23,6 +25,7 @@ __all__ = [
     "Fitness",
     "Genetic",
     "GeneticState",
+    "MAPElites",
     "Population",
     "best",
 ]
