@@ -9,9 +9,9 @@
 // There are any number of axes of robots where `lane` is written.  All is of one type of numbers
 // where nothing else is said.  Arguments of those that move robots:
 //   0-5    the state: moved, heading [2, colour, body, lane], velocity, change [3, colour, body,
-//          lane], rope [4, voxel, lane], contact [2, corner, colour, body, lane] of 16 corners, or
-//          of none if there is no terrain
-//   6-7    control [step, voxel, lane], gravity [] or [lane]
+//          lane], rope [4, voxel, lane], contact [point, 2, colour, body, lane] of 8 points, or of
+//          none if there is no terrain
+//   6-7    control [step, voxel, lane], gravity []
 //   8-9    ground, ceiling [point, 2]; of no points if there is none
 //   10     constants [11], in the order of `Constants`
 //   11-18  the lattice: cell [voxel, 2] (s32), used [voxel] (pred), body [colour, voxel] (s32), voxel
@@ -36,8 +36,8 @@ constexpr int64_t XY = 2, XYW = 3;
 
 // Sizes of the arrays; below 0 before the first array that has them.
 struct Sizes {
-  int64_t voxels = -1, bodies = -1, corners = -1, lanes = -1, steps = -1;
-  int64_t gravity_lanes = -1, ground_points = -1, ceiling_points = -1;
+  int64_t voxels = -1, bodies = -1, points = -1, lanes = -1, steps = -1;
+  int64_t ground_points = -1, ceiling_points = -1;
 };
 
 template <class Number, class Numbers>
@@ -49,14 +49,14 @@ State<Number> take_state(Numbers numbers, Sizes& of) {
   state.field[VELOCITY] = numbers("state.velocity", of.lanes, XYW, colours, of.bodies);
   state.field[CHANGE] = numbers("state.change", of.lanes, XYW, colours, of.bodies);
   state.field[ROPE] = numbers("state.rope", of.lanes, sides, of.voxels);
-  state.field[CONTACT] = numbers("state.contact", of.lanes, XY, of.corners, colours, of.bodies);
+  state.field[CONTACT] = numbers("state.contact", of.lanes, of.points, XY, colours, of.bodies);
   return state;
 }
 
 template <class Number>
 State<Number> of_body(const State<Number>& all, int64_t body, const Sizes& of) {
   State<Number> state = all;
-  Rows rows(of.voxels, of.bodies, of.corners);
+  Rows rows(of.voxels, of.bodies, of.points);
   for (int field = 0; field < FIELDS; field++)
     state.field[field] += body * rows.field[field] * of.lanes;
   return state;
@@ -66,12 +66,8 @@ template <class Number>
 Commands<Number> take_commands(Call& call, Sizes& of) {
   Commands<Number> commands;
   commands.control = call.argument<Number>("control", of.lanes, of.steps, of.voxels);
-  commands.gravity = call.argument<Number>("gravity", of.gravity_lanes);
+  commands.gravity = call.argument<Number>("gravity", SHARED);
   commands.steps = of.steps;
-  commands.gravity_is_shared = of.gravity_lanes == SHARED;
-  if (of.gravity_lanes != SHARED && of.gravity_lanes != of.lanes)
-    call.refuse("argument gravity: it is for %lld robots; it should be for 1 or %lld",
-                (long long)of.gravity_lanes, (long long)of.lanes);
   return commands;
 }
 
@@ -79,7 +75,7 @@ template <class Number>
 Commands<Number> of_body(const Commands<Number>& all, int64_t body, const Sizes& of) {
   Commands<Number> commands = all;
   commands.control += body * of.steps * of.voxels * of.lanes;
-  commands.gravity += body * of.gravity_lanes;
+  commands.gravity += body;
   return commands;
 }
 
@@ -93,9 +89,9 @@ Terrain<Number> take_terrain(Call& call, Sizes& of) {
   if (of.ceiling_points == 1) call.refuse("argument ceiling: it has one point");
   if (of.ground_points == 0 && of.ceiling_points > 0)
     call.refuse("argument ceiling: there is none without a ground");
-  if (of.corners != CORNERS && (of.corners != 0 || of.ground_points > 0))
-    call.refuse("argument state.contact: it has %lld corners; it should have %d",
-                (long long)of.corners, CORNERS);
+  if (of.points != POINTS && (of.points != 0 || of.ground_points > 0))
+    call.refuse("argument state.contact: it has %lld points; it should have %d",
+                (long long)of.points, POINTS);
   return terrain;
 }
 
@@ -198,9 +194,8 @@ class Tile {
 
  public:
   Tile(const Sizes& of, Arena& arena)
-      : of_(of), rows_(of.voxels, of.bodies, of.corners),
-        control_(arena.take<Number>(WIDTH * of.steps * of.voxels)),
-        gravity_(arena.take<Number>(WIDTH)) {
+      : of_(of), rows_(of.voxels, of.bodies, of.points),
+        control_(arena.take<Number>(WIDTH * of.steps * of.voxels)) {
     for (int field = 0; field < FIELDS; field++)
       state_.field[field] = arena.take<Number>(WIDTH * rows_.field[field]);
   }
@@ -215,11 +210,7 @@ class Tile {
     Commands<Number> turned = commands;
     lanes_last(commands.control, commands.steps * of_.voxels, block, control_);
     turned.control = control_;
-    if (!commands.gravity_is_shared) {
-      lanes_last(commands.gravity, 1, block, gravity_);
-      turned.gravity = gravity_;
-    }
-    simulation.run(state, turned, state_, of_.corners, WIDTH, {0, WIDTH});
+    simulation.run(state, turned, state_, of_.points, WIDTH, {0, WIDTH});
     for (int field = 0; field < FIELDS; field++)
       lanes_first(state_.field[field], rows_.field[field], block, after.field[field]);
   }
@@ -228,7 +219,7 @@ class Tile {
   const Sizes of_;
   const Rows rows_;
   State<Number> state_;
-  Number *const control_, *const gravity_;
+  Number* const control_;
 };
 
 template <class Number>
@@ -267,7 +258,7 @@ XLA_FFI_Error* move(XLA_FFI_CallFrame* frame) {
       if (call.robots_first())
         tile.run(simulation, from, commanded, to, block);
       else
-        simulation.run(from, commanded, to, of.corners, of.lanes, block);
+        simulation.run(from, commanded, to, of.points, of.lanes, block);
     }
   }
   return nullptr;

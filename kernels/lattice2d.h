@@ -45,17 +45,16 @@ struct State {
 struct Rows {
   int64_t field[FIELDS];
 
-  Rows(int64_t voxels, int64_t bodies, int64_t corners)
+  Rows(int64_t voxels, int64_t bodies, int64_t points)
       : field{2 * COLOURS * bodies, 2 * COLOURS * bodies, 3 * COLOURS * bodies,
-              3 * COLOURS * bodies, SIDES * voxels,       2 * corners * COLOURS * bodies} {}
+              3 * COLOURS * bodies, SIDES * voxels,       2 * points * COLOURS * bodies} {}
 };
 
-// What is commanded: control [step, voxel, lane], gravity [] or [lane].
+// What is commanded: control [step, voxel, lane], and gravity.
 template <class Number>
 struct Commands {
   int64_t steps;
   const Number *control, *gravity;
-  bool gravity_is_shared;
 };
 
 template <class Lanes>
@@ -203,9 +202,9 @@ class Simulation {
   };
 
   struct Contact {
-    int32_t corner, body;
-    int number;  // of the corner, in its rigid body
+    int32_t body, point;  // of all points
     Mask touching;
+    Vector2 local;  // from the rigid body's centre, not rotated
     Push along, across;
     Lanes rebound, reach;
   };
@@ -237,25 +236,24 @@ class Simulation {
         rope_impulse_(arena.take<Lanes>(SIDES * lattice.voxels)),
         rope_pushes_(arena.take<uint8_t>(SIDES * lattice.voxels)),
         ropes_(arena.take<Rope>(SIDES * lattice.voxels)),
-        pushing_(arena.take<Lanes>(corners(lattice))),
-        sideways_(arena.take<Lanes>(corners(lattice))),
-        corner_pushes_(arena.take<uint8_t>(corners(lattice))),
-        contacts_(arena.take<Contact>(corners(lattice))),
-        first_contact_(arena.take<int32_t>(numbers_ + 1)) {}
+        pushing_(arena.take<Lanes>(POINTS * numbers_)),
+        sideways_(arena.take<Lanes>(POINTS * numbers_)),
+        point_pushes_(arena.take<uint8_t>(POINTS * numbers_)),
+        contacts_(arena.take<Contact>(POINTS * numbers_)) {}
 
   // All steps of a block, from one state's arrays to another's, which may be the same.
   void run(const State<const Number>& before, const Commands<Number>& commands,
-           const State<Number>& after, int64_t corners, int64_t lanes, ethogram::Block block) {
-    read(before, corners, lanes, block);
-    gravity_ = commands.gravity_is_shared ? all(*commands.gravity) : load(commands.gravity, block);
+           const State<Number>& after, int64_t points, int64_t lanes, ethogram::Block block) {
+    read(before, points, lanes, block);
+    gravity_ = all(*commands.gravity);
     for (int64_t now = 0; now < commands.steps; now++) {
       for (int64_t v = 0; v < plan_.voxels(); v++)
         control_[v] = load(
             commands.control + (now * array_voxels_ + plan_.voxel(v).number) * lanes, block);
       step();
     }
-    copy_padding(before, after, corners, lanes, block);
-    write(after, corners, lanes, block);
+    copy_padding(before, after, points, lanes, block);
+    write(after, points, lanes, block);
   }
 
   // For what commands a body that nothing pulls at by itself: as at rest, in some lanes.
@@ -292,6 +290,7 @@ class Simulation {
     for (int64_t rope = 0; rope < rope_count_; rope++) prepare(ropes_[rope]);
     for (int64_t sweep = 0; sweep < sweeps_; sweep++) {
       colours();
+      for (int64_t contact = 0; contact < contact_count_; contact++) resolve(contacts_[contact]);
       for (int64_t rope = 0; rope < rope_count_; rope++) tighten(ropes_[rope]);
     }
     move();
@@ -307,17 +306,13 @@ class Simulation {
     for (int place = 0; place < PLACES; place++)
       corner[place] = squares[place].at + squares[place].corner(sign_x(place), sign_y(place));
     Vector2 rising = corner[3] - corner[0] + apart(voxel, 4);
-    Vector2 falling = corner[2] - corner[1] - apart(voxel, 5);
+    Vector2 falling = corner[2] - corner[1] + apart(voxel, 5);
     return cross(rising, falling) * all(1 / (2 * of_.resting * of_.resting));
   }
 
  private:
   static ETHOGRAM_INLINE Lanes all(Number value) { return broadcast(value); }
   static ETHOGRAM_INLINE Vector2 all(Number x, Number y) { return {broadcast(x), broadcast(y)}; }
-
-  static int64_t corners(const Lattice<Number>& lattice) {
-    return CORNERS * COLOURS * lattice.bodies;
-  }
 
   static ETHOGRAM_INLINE Vector2 choose(Mask mask, Vector2 a, Vector2 b) {
     return {mask ? a.x : b.x, mask ? a.y : b.y};
@@ -326,7 +321,7 @@ class Simulation {
     return {mask ? a.x : b.x, mask ? a.y : b.y, mask ? a.w : b.w};
   }
 
-  void read(const State<const Number>& state, int64_t corners, int64_t lanes,
+  void read(const State<const Number>& state, int64_t points, int64_t lanes,
             ethogram::Block block) {
     auto at = [&](Field field, int64_t row) {
       return load(state.field[field] + row * lanes, block);
@@ -336,11 +331,12 @@ class Simulation {
       place_[b] = {{at(MOVED, x), at(MOVED, y)}, {at(HEADING, x), at(HEADING, y)}};
       velocity_[b] = {at(VELOCITY, x), at(VELOCITY, y), at(VELOCITY, w)};
       change_[b] = {at(CHANGE, x), at(CHANGE, y), at(CHANGE, w)};
-      for (int corner = 0; corners > 0 && corner < plan_.body(b).corners; corner++) {
-        int64_t place = plan_.body(b).first_corner + corner;
-        pushing_[place] = at(CONTACT, corner * numbers_ + x);
-        sideways_[place] = at(CONTACT, (corners + corner) * numbers_ + x);
-        corner_pushes_[place] = any((pushing_[place] != all(0)) | (sideways_[place] != all(0)));
+      for (int64_t point = 0; point < points; point++) {
+        Lanes pushing = at(CONTACT, 2 * point * numbers_ + x);
+        Lanes sideways = at(CONTACT, (2 * point + 1) * numbers_ + x);
+        int64_t place = POINTS * b + point;
+        pushing_[place] = pushing, sideways_[place] = sideways;
+        point_pushes_[place] = any((pushing != all(0)) | (sideways != all(0)));
       }
     }
     for (int64_t v = 0; v < plan_.voxels(); v++)
@@ -352,20 +348,19 @@ class Simulation {
   }
 
   // All rows of all arrays, for those of padding.
-  void copy_padding(const State<const Number>& before, const State<Number>& after, int64_t corners,
+  void copy_padding(const State<const Number>& before, const State<Number>& after, int64_t points,
                     int64_t lanes, ethogram::Block block) {
-    Rows rows(array_voxels_, numbers_ / COLOURS, corners);
-    bool pads = plan_.bodies() < numbers_ || plan_.voxels() < array_voxels_;
+    Rows rows(array_voxels_, numbers_ / COLOURS, points);
+    if (plan_.bodies() == numbers_ && plan_.voxels() == array_voxels_) return;
     for (int field = 0; field < FIELDS; field++) {
-      bool is_sparse = field == CONTACT;  // of a rigid body of fewer squares some corners are none
-      if ((!pads && !is_sparse) || after.field[field] == before.field[field]) continue;
+      if (after.field[field] == before.field[field]) continue;
       for (int64_t row = 0; row < rows.field[field]; row++)
         store(after.field[field] + row * lanes, block,
               load(before.field[field] + row * lanes, block));
     }
   }
 
-  void write(const State<Number>& state, int64_t corners, int64_t lanes, ethogram::Block block) {
+  void write(const State<Number>& state, int64_t points, int64_t lanes, ethogram::Block block) {
     auto put = [&](Field field, int64_t row, Lanes value) {
       store(state.field[field] + row * lanes, block, value);
     };
@@ -377,10 +372,9 @@ class Simulation {
       Vector3 v = velocity_[b], change = change_[b];
       put(VELOCITY, x, v.x), put(VELOCITY, y, v.y), put(VELOCITY, w, v.w);
       put(CHANGE, x, change.x), put(CHANGE, y, change.y), put(CHANGE, w, change.w);
-      for (int corner = 0; corners > 0 && corner < plan_.body(b).corners; corner++) {
-        int64_t at = plan_.body(b).first_corner + corner;
-        put(CONTACT, corner * numbers_ + x, pushing_[at]);
-        put(CONTACT, (corners + corner) * numbers_ + x, sideways_[at]);
+      for (int64_t point = 0; point < points; point++) {
+        put(CONTACT, 2 * point * numbers_ + x, pushing_[POINTS * b + point]);
+        put(CONTACT, (2 * point + 1) * numbers_ + x, sideways_[POINTS * b + point]);
       }
     }
     for (int64_t v = 0; v < plan_.voxels(); v++)
@@ -624,38 +618,38 @@ class Simulation {
     rope.on_second.act(change, second, system_[rope.second].momentum);
   }
 
-  // Find the corners that are in the terrain, rigid body after rigid body.
+  // Find the points that are in the terrain, rigid body after rigid body.
   void touch() {
     for (int64_t b = 0; b < plan_.bodies(); b++) {
       const Body& body = plan_.body(b);
-      first_contact_[b] = static_cast<int32_t>(contact_count_);
       bool is_near = near_terrain(b);
-      for (int corner = 0; corner < body.corners; corner++) {
-        int64_t place = body.first_corner + corner;
-        Mask touching = {};
+      Vector2 local[POINTS];
+      for (int square = 0; is_near && square < body.squares; square++) face(b, square, local);
+      for (int point = 0; point < POINTS; point++) {
+        int64_t place = POINTS * b + point;
         Contact& contact = contacts_[contact_count_];
-        if (is_near) touching = touch(b, corner, contact);
-        if (corner_pushes_[place]) {
+        Mask touching = {};
+        bool there = is_near && point % MEMBERS < body.squares;
+        if (there) touching = touch(b, local[point], contact);
+        if (point_pushes_[place]) {
           pushing_[place] = touching ? pushing_[place] : all(0);
           sideways_[place] = touching ? sideways_[place] : all(0);
         }
-        corner_pushes_[place] = is_near && any(touching);
-        if (!corner_pushes_[place]) continue;
-        contact.corner = static_cast<int32_t>(place), contact.body = static_cast<int32_t>(b);
-        contact.number = corner, contact.touching = touching;
+        point_pushes_[place] = there && any(touching);
+        if (!point_pushes_[place]) continue;
         contact_count_++;
+        contact.body = static_cast<int32_t>(b), contact.point = static_cast<int32_t>(place);
         Vector3 ignored = {}, &momentum = system_[b].momentum;
         contact.along.act(pushing_[place], ignored, momentum);
         contact.across.act(sideways_[place], ignored, momentum);
       }
     }
-    first_contact_[plan_.bodies()] = static_cast<int32_t>(contact_count_);
   }
 
   // Whether a corner of a rigid body may be in the terrain, in any lane.
   bool near_terrain(int64_t b) const {
     const Body& body = plan_.body(b);
-    Vector2 centre = place_[b].moved + all(body.rest_x, body.rest_y);
+    Vector2 centre = centre_of(b);
     // rounding errors of a depth go with the numbers that it is made of
     Lanes error = all(sizeof(Number) == 4 ? Number(0x1p-19) : Number(0x1p-48));
     Lanes radius = fma(error, absolute(centre.x) + absolute(centre.y), all(body.radius * Number(1.001)));
@@ -678,31 +672,57 @@ class Simulation {
     return any(found);
   }
 
-  // Which lanes' corner is in the terrain; then all that a contact's impulses need is known.
-  ETHOGRAM_INLINE Mask touch(int64_t b, int corner, Contact& contact) const {
+  // The two corners of a square that face the terrain the most, from the rigid body's centre.
+  ETHOGRAM_INLINE void face(int64_t b, int square, Vector2* local) const {
     const Body& body = plan_.body(b);
-    Vector2 lever = rotated(place_[b].heading, all(body.corner_x[corner], body.corner_y[corner]));
-    Vector2 at = place_[b].moved + all(body.rest_x, body.rest_y) + lever;
-    Surface surface = below(plan_.ground(), plan_.ground_lines(), at);
-    Lanes depth = depth_in(surface, at);
-    if (plan_.ceiling_lines() > 0) {
-      Surface above = below(plan_.ceiling(), plan_.ceiling_lines(), at);
-      Lanes depth_above = depth_in(above, at);
-      Mask is_above = depth_above > depth;
-      surface = {choose(is_above, above.normal, surface.normal),
-                 is_above ? above.reach : surface.reach};
-      depth = is_above ? depth_above : depth;
+    Vector2 heading = place_[b].heading;
+    Vector2 offset = all(body.offset_x[square], body.offset_y[square]);
+    Lanes depth;
+    Vector2 n = deepest(centre_of(b) + rotated(heading, offset), depth).normal;
+    Vector2 along = rotated({heading.x, -heading.y}, n);
+    Mask upright = absolute(along.y) >= absolute(along.x);
+    Lanes half = all(of_.square / 2), none = all(0);
+    Vector2 towards = {along.x > none ? -half : half, along.y > none ? -half : half};
+    towards = {along.x == none ? none : towards.x, along.y == none ? none : towards.y};
+    for (int end = 0; end < 2; end++) {
+      Lanes lateral = end ? half : -half;
+      Vector2 corner = {upright ? lateral : towards.x, upright ? towards.y : lateral};
+      local[end * MEMBERS + square] = offset + corner;
     }
+  }
+
+  // Lanes of which a point is in the terrain; then all that a contact's impulses need is known.
+  ETHOGRAM_INLINE Mask touch(int64_t b, Vector2 local, Contact& contact) const {
+    Vector2 lever = rotated(place_[b].heading, local);
+    Lanes depth;
+    Surface surface = deepest(centre_of(b) + lever, depth);
     Mask touching = depth > all(0);
     if (!any(touching)) return touching;
     Vector2 n = surface.normal;
-    contact.reach = surface.reach;
+    contact.touching = touching, contact.local = local, contact.reach = surface.reach;
     complete(contact.along, n, lever, system_[b].inverse);
     complete(contact.across, {n.y, -n.x}, lever, system_[b].inverse);
     Lanes approach = contact.along.speed(free_[b]);
     contact.rebound =
         approach < all(static_cast<Number>(-SLOWEST)) ? all(-of_.restitution) * approach : all(0);
     return touching;
+  }
+
+  ETHOGRAM_INLINE Vector2 centre_of(int64_t b) const {
+    return place_[b].moved + all(plan_.body(b).rest_x, plan_.body(b).rest_y);
+  }
+
+  // The surface that a place is in the deepest, and how deep.
+  ETHOGRAM_INLINE Surface deepest(Vector2 at, Lanes& depth) const {
+    Surface ground = below(plan_.ground(), plan_.ground_lines(), at);
+    depth = depth_in(ground, at);
+    if (plan_.ceiling_lines() == 0) return ground;
+    Surface ceiling = below(plan_.ceiling(), plan_.ceiling_lines(), at);
+    Lanes depth_above = depth_in(ceiling, at);
+    Mask is_above = depth_above > depth;
+    depth = is_above ? depth_above : depth;
+    return {choose(is_above, ceiling.normal, ground.normal),
+            is_above ? ceiling.reach : ground.reach};
   }
 
   // The piece of a polyline below, or above, a place.
@@ -744,30 +764,23 @@ class Simulation {
         momentum.w = fma(mine.x, v.x, fma(mine.y, v.y, fma(block.turning, v.w, momentum.w)));
       }
       velocity_[b] = times(system_[b].inverse, momentum);
-      if (contact_count_ > 0) resolve(b);
     }
   }
 
-  // Contacts of a rigid body, one after the other: the tangent, at most mu times what the normal
-  // has, then the normal.
-  ETHOGRAM_INLINE void resolve(int64_t b) {
-    for (int32_t c = first_contact_[b]; c < first_contact_[b + 1]; c++) {
-      const Contact& contact = contacts_[c];
-      Vector3 velocity = velocity_[b], momentum = system_[b].momentum;
-      Lanes &pushing = pushing_[contact.corner], &sideways = sideways_[contact.corner];
-      Lanes limit = all(of_.friction) * pushing;
-      Lanes wanted = fnma(contact.across.speed(velocity), contact.across.per_speed, sideways);
-      wanted = smaller(larger(wanted, -limit), limit);
-      wanted = contact.touching ? wanted : all(0);
-      contact.across.act(wanted - sideways, velocity, momentum);
-      sideways = wanted;
-      Lanes lacking = contact.rebound - contact.along.speed(velocity);
-      wanted = larger(fma(lacking, contact.along.per_speed, pushing), all(0));
-      wanted = contact.touching ? wanted : all(0);
-      contact.along.act(wanted - pushing, velocity, momentum);
-      pushing = wanted;
-      velocity_[b] = velocity, system_[b].momentum = momentum;
-    }
+  // The tangent, at most mu times what the normal has, then the normal.
+  void resolve(const Contact& contact) {
+    Vector3 &velocity = velocity_[contact.body], &momentum = system_[contact.body].momentum;
+    Lanes &pushing = pushing_[contact.point], &sideways = sideways_[contact.point];
+    Lanes limit = all(of_.friction) * pushing;
+    Lanes wanted = fnma(contact.across.speed(velocity), contact.across.per_speed, sideways);
+    wanted = contact.touching ? smaller(larger(wanted, -limit), limit) : all(0);
+    contact.across.act(wanted - sideways, velocity, momentum);
+    sideways = wanted;
+    Lanes lacking = contact.rebound - contact.along.speed(velocity);
+    wanted = larger(fma(lacking, contact.along.per_speed, pushing), all(0));
+    wanted = contact.touching ? wanted : all(0);
+    contact.along.act(wanted - pushing, velocity, momentum);
+    pushing = wanted;
   }
 
   // Semi-implicit Euler.
@@ -879,12 +892,9 @@ class Simulation {
   // Lift a rigid body out of what a corner of it overlaps; whether it did.
   bool lift(const Contact& contact) {
     const Body& body = plan_.body(contact.body);
-    const Place& place = place_[contact.body];
-    Vector2 lever = rotated(place.heading, all(body.corner_x[contact.number],
-                                               body.corner_y[contact.number]));
+    Vector2 lever = rotated(place_[contact.body].heading, contact.local);
     Vector2 n = contact.along.direction;
-    Vector2 at = place.moved + all(body.rest_x, body.rest_y) + lever;
-    Lanes depth = contact.reach - dot(at, n);
+    Lanes depth = contact.reach - dot(centre_of(contact.body) + lever, n);
     Lanes share = all(static_cast<Number>(CORRECTED)) * (depth - all(static_cast<Number>(SLOP)));
     Mask moves = contact.touching & (share > all(0));
     if (!any(moves)) return false;
@@ -916,10 +926,9 @@ class Simulation {
   Lanes* const rope_impulse_;    // [voxel, side by colour]
   uint8_t* const rope_pushes_;   // whether an impulse may not be 0, in any lane
   Rope* const ropes_;
-  Lanes *const pushing_, *const sideways_;  // by corner
-  uint8_t* const corner_pushes_;
+  Lanes *const pushing_, *const sideways_;  // [rigid body, point]
+  uint8_t* const point_pushes_;  // whether an impulse may not be 0, in any lane
   Contact* const contacts_;
-  int32_t* const first_contact_;  // by rigid body
   int64_t rope_count_ = 0, contact_count_ = 0;
   Lanes gravity_ = {};
 };

@@ -18,8 +18,8 @@ namespace lattice2d {
 constexpr int COLOURS = 4, PLACES = 4;
 constexpr int SIDES = 4, PAIRS = 6;  // of squares of a voxel: the sides, then the diagonals
 constexpr int PAIR[PAIRS][2] = {{0, 1}, {2, 3}, {0, 2}, {1, 3}, {0, 3}, {1, 2}};
-constexpr int MEMBERS = 4;            // squares of a rigid body, at most
-constexpr int CORNERS = 4 * MEMBERS;  // of these squares
+constexpr int MEMBERS = 4;           // squares of a rigid body, at most
+constexpr int POINTS = 2 * MEMBERS;  // corners that can touch a surface
 constexpr int MOST_LINKS = 3 * MEMBERS;
 
 // From the centre of a voxel, or a square, towards a place.
@@ -66,12 +66,12 @@ class Plan {
 
   struct Body {
     int32_t number;  // in the arrays, over all colours
-    int32_t links, corners, first_corner;
+    int32_t links, squares;
     Link link[MOST_LINKS];
     Number mass, moment, per_mass, per_moment;
     Number rest_x, rest_y;  // m
-    Number radius;          // to the farthest corner, m
-    Number corner_x[CORNERS], corner_y[CORNERS];  // from the centre, m
+    Number offset_x[MEMBERS], offset_y[MEMBERS];  // of squares from the centre, m
+    Number radius;                                // to the farthest corner, m
   };
 
   struct Voxel {
@@ -123,7 +123,6 @@ class Plan {
   }
 
   void list_bodies(const Lattice<Number>& of, const Constants<Number>& material, int32_t* compact) {
-    int32_t corners = 0;
     for (int64_t number = 0; number < COLOURS * of.bodies; number++) {
       const int32_t* members = of.voxel + number * MEMBERS;
       compact[number] = -1;
@@ -133,8 +132,7 @@ class Plan {
       const Number side = material.square, edge = material.resting;
       const Number centre_x = of.centre[number], centre_y = of.centre[COLOURS * of.bodies + number];
       body.number = static_cast<int32_t>(number);
-      body.links = body.corners = 0;
-      body.first_corner = corners;
+      body.links = body.squares = 0;
       body.mass = of.squares[number] * material.square_mass;
       body.moment = of.inertia[number] * material.square_mass * side * side;
       body.per_mass = 1 / body.mass, body.per_moment = 1 / body.moment;
@@ -143,16 +141,18 @@ class Plan {
       body.radius = 0;
       for (int member = 0; member < MEMBERS && members[member] < of.voxels; member++) {
         const int place = static_cast<int>(number / of.bodies) ^ parity_of(of, members[member]);
-        for (int corner = 0; corner < PLACES; corner++) {
-          Number x = (Number(sign_x(corner) - sign_x(place)) / 2 - centre_x) * side;
-          Number y = (Number(sign_y(corner) - sign_y(place)) / 2 - centre_y) * side;
-          body.corner_x[body.corners] = x, body.corner_y[body.corners++] = y;
-          Number distance = static_cast<Number>(sqrt(static_cast<double>(x * x + y * y)));
-          if (distance > body.radius) body.radius = distance;
-        }
+        Number x = offset(sign_x(place), centre_x, side), y = offset(sign_y(place), centre_y, side);
+        body.offset_x[body.squares] = x, body.offset_y[body.squares++] = y;
+        double corner_x = fabs(x) + side / 2, corner_y = fabs(y) + side / 2;
+        double distance = sqrt(corner_x * corner_x + corner_y * corner_y);
+        if (distance > body.radius) body.radius = static_cast<Number>(distance);
       }
-      corners += body.corners;
     }
+  }
+
+  // Of a square in a place from the centre of its rigid body, along one axis.
+  static Number offset(int sign, Number centre, Number side) {
+    return (-Number(sign) / 2 - centre) * side;
   }
 
   void add_voxel(const Lattice<Number>& of, const Constants<Number>& material,
@@ -164,9 +164,9 @@ class Plan {
       int colour = place ^ voxel.parity;
       int64_t at = colour * of.bodies + of.body[colour * of.voxels + number];
       voxel.body[place] = compact[at];
-      Number x = -Number(sign_x(place)) / 2 - of.centre[at];
-      Number y = -Number(sign_y(place)) / 2 - of.centre[COLOURS * of.bodies + at];
-      voxel.offset_x[place] = x * material.square, voxel.offset_y[place] = y * material.square;
+      const Number *x = of.centre + at, *y = x + COLOURS * of.bodies, side = material.square;
+      voxel.offset_x[place] = offset(sign_x(place), *x, side);
+      voxel.offset_y[place] = offset(sign_y(place), *y, side);
     }
     for (int pair = 0; pair < PAIRS; pair++) {
       int32_t first = voxel.body[PAIR[pair][0]], second = voxel.body[PAIR[pair][1]];
