@@ -4,20 +4,23 @@ Whatever is in contact has an impulse along the normal n that pushes and never p
 terrain one along the tangent t that is at most mu times the other (Coulomb).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 from jaxtyping import Bool, Float
 
 from ethogram.core.errors import InvalidSettings
-from ethogram.physics.lattice2d.lattice import COLOURS, SIGNS, Lattice
+from ethogram.core.settings import Number
+from ethogram.physics.lattice2d.lattice import SIGNS, Lattice
 from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.squares import over_batch, rest, rotated
 
-CORNERS = 4 * COLOURS  # of the squares of a rigid body
+POINTS_OF_SQUARE = 2  # corners that can touch a surface
+POINTS = 4 * POINTS_OF_SQUARE  # of a rigid body, of up to four squares
 SLOWEST = 1.0  # m/s: what approaches more slowly does not bounce
 SLOP = 0.005  # m, that may overlap
 CORRECTED = 0.2  # share of the rest of an overlap that a pass removes (Baumgarte)
@@ -49,7 +52,7 @@ class Terrain(eqx.Module):
         """
         for name in ("ground", "ceiling"):
             points = getattr(self, name)
-            if points is None or not eqx.is_concrete(points):
+            if points is None or isinstance(points, jax.core.Tracer):
                 continue
             points = np.asarray(points)
             if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 2:
@@ -69,14 +72,17 @@ def flat() -> Terrain:
 
 
 class Contacts(NamedTuple):
-    """Corners of all rigid bodies and what they touch; [..., corner, colour, body, *batch]."""
+    """Corners of the squares of all rigid bodies, and what they touch.
 
-    local: Float[Array, "2 corner colour body ..."]  # from the rigid body's centre, not rotated, m
-    normal: Float[Array, "2 corner colour body *batch"]  # out of what is touched
-    reach: Float[Array, "corner colour body *batch"]  # of the surface along the normal, m
-    lever: Float[Array, "2 corner colour body *batch"]  # from the rigid body's centre, m
-    rebound: Float[Array, "corner colour body *batch"]  # velocity along the normal after, m/s
-    touching: Bool[Array, "corner colour body *batch"]
+    Of a square two corners can touch a surface: those of the side that faces it most.
+    """
+
+    local: Float[Array, "point 2 colour body *batch"]  # from the body's centre, not rotated, m
+    normal: Float[Array, "point 2 colour body *batch"]  # out of what is touched
+    reach: Float[Array, "point colour body *batch"]  # of the surface along the normal, m
+    lever: Float[Array, "point 2 colour body *batch"]  # from the rigid body's centre, m
+    rebound: Float[Array, "point colour body *batch"]  # velocity along the normal after, m/s
+    touching: Bool[Array, "point colour body *batch"]
 
 
 def terrain_contacts(
@@ -97,22 +103,22 @@ def terrain_contacts(
 
     """
     moved, heading = place
-    local, exists = _corners(lattice, material, moved.ndim - 3)
+    batch = moved.ndim - 3
+    offset, exists = _squares(lattice, material, batch)  # [2, square, ...]
+    centre = moved + over_batch(rest(lattice, material), batch)
+    middle = centre[:, None] + rotated(heading[:, None], offset)
+    normal, _, _ = _deepest(terrain, middle)
+    local = jnp.stack(
+        [offset + side for side in _facing(heading[:, None], normal, material.square)]
+    )
+    local = jnp.moveaxis(local, 1, 0).reshape(2, POINTS, *moved.shape[1:])
     lever = rotated(heading[:, None], local)
-    centre = moved + over_batch(rest(lattice, material), moved.ndim - 3)
-    at = centre[:, None] + lever
-    normal, reach = _surface(terrain.ground, at, 1.0)
-    depth = reach - (at * normal).sum(0)
-    if terrain.ceiling is not None:
-        above, reach_above = _surface(terrain.ceiling, at, -1.0)
-        depth_above = reach_above - (at * above).sum(0)
-        is_above = depth_above > depth
-        normal = jnp.where(is_above, above, normal)
-        reach = jnp.where(is_above, reach_above, reach)
-        depth = jnp.maximum(depth, depth_above)
+    normal, reach, depth = _deepest(terrain, centre[:, None] + lever)
     approach = (normal * (velocity[:2, None] + velocity[2] * _left(lever))).sum(0)
     rebound = jnp.where(approach < -SLOWEST, -material.restitution * approach, 0.0)
-    return Contacts(local, normal, reach, lever, rebound, exists & (depth > 0))
+    touching = jnp.concatenate([exists] * POINTS_OF_SQUARE) & (depth > 0)
+    first = [jnp.moveaxis(each, 1, 0) for each in (local, normal, lever)]
+    return Contacts(first[0], first[1], reach, first[2], rebound, touching)
 
 
 def _left(vector: Float[Array, "2 *at"]) -> Float[Array, "2 *at"]:
@@ -120,19 +126,47 @@ def _left(vector: Float[Array, "2 *at"]) -> Float[Array, "2 *at"]:
     return jnp.stack([-vector[1], vector[0]])
 
 
-def _corners(
+def _squares(
     lattice: Lattice, material: Material, batch: int
-) -> tuple[Float[Array, "2 corner colour body ..."], Bool[Array, "corner colour body ..."]]:
-    """Corners of the squares of each rigid body, from its centre (m), and which there are."""
+) -> tuple[Float[Array, "2 square colour body ..."], Bool[Array, "square colour body ..."]]:
+    """Centres of the squares of each rigid body, from its own (m), and which there are."""
     listed = lattice.voxel
-    exists = listed < lattice.voxels
     mirror = lattice.mirror[:, jnp.minimum(listed, lattice.voxels - 1)]
     outward = jnp.asarray(SIGNS.T, float)[:, :, None, None] * mirror  # [2, colour, body, square]
-    square = jnp.moveaxis(-outward / 2 - lattice.centre[..., None], -1, 1)
-    corner = square[:, :, None] + jnp.asarray(SIGNS.T, float)[:, None, :, None, None] / 2
-    corner = corner.reshape(2, CORNERS, *corner.shape[3:]) * material.square
-    there = jnp.repeat(jnp.moveaxis(exists, -1, 0), COLOURS, 0)
-    return over_batch(corner, batch), over_batch(there, batch)
+    offset = (-outward / 2 - lattice.centre[..., None]) * material.square
+    exists = jnp.moveaxis(listed < lattice.voxels, -1, 0)
+    return over_batch(jnp.moveaxis(offset, -1, 1), batch), over_batch(exists, batch)
+
+
+def _facing(
+    heading: Float[Array, "2 *at"], normal: Float[Array, "2 *at"], side: Number
+) -> list[Float[Array, "2 *at"]]:
+    """The two corners of a square that face a surface the most, from its centre, not rotated, m."""
+    along = rotated(heading * jnp.array([1.0, -1.0]).reshape(2, *[1] * (heading.ndim - 1)), normal)
+    is_upright = jnp.abs(along[1]) >= jnp.abs(along[0])
+    towards = -jnp.sign(along) * side / 2
+    corners = []
+    for sign in (-1, 1):
+        lateral = jnp.full_like(towards[0], sign * side / 2)
+        x = jnp.where(is_upright, lateral, towards[0])
+        corners.append(jnp.stack([x, jnp.where(is_upright, towards[1], lateral)]))
+    return corners
+
+
+def _deepest(terrain: Terrain, at: Float[Array, "2 *at"]) -> tuple[Array, Array, Array]:
+    """Normal, reach along it and depth of the surface that places are in the deepest."""
+    normal, reach = _surface(terrain.ground, at, 1.0)
+    depth = reach - (at * normal).sum(0)
+    if terrain.ceiling is None:
+        return normal, reach, depth
+    above, reach_above = _surface(terrain.ceiling, at, -1.0)
+    depth_above = reach_above - (at * above).sum(0)
+    is_above = depth_above > depth
+    return (
+        jnp.where(is_above, above, normal),
+        jnp.where(is_above, reach_above, reach),
+        jnp.maximum(depth, depth_above),
+    )
 
 
 def _surface(
@@ -146,9 +180,9 @@ def _surface(
         side: 1 where the normal points up, -1 down.
 
     """
-    segment = sum((at[0] >= x).astype(jnp.int32) for x in points[1:-1, 0]) + jnp.zeros(
-        at.shape[1:], jnp.int32
-    )
+    segment = jnp.zeros(at.shape[1:], jnp.int32)
+    for x in points[1:-1, 0]:
+        segment += (at[0] >= x).astype(jnp.int32)
     along = jnp.diff(points, axis=0)
     length = jnp.sqrt((along**2).sum(1))
     normals = side * jnp.stack([-along[:, 1], along[:, 0]]) / length
@@ -156,67 +190,85 @@ def _surface(
     return normals[:, segment], reaches[segment]
 
 
-def resolve(
-    contacts: Contacts,
-    colour: int,
-    friction: Array,
-    inverse: Float[Array, "6 body *batch"],
-    velocity: Float[Array, "3 body *batch"],
-    impulse: Float[Array, "2 corner body *batch"],
-) -> tuple[Float[Array, "3 body *batch"], Float[Array, "2 corner body *batch"]]:
-    """One sweep over the contacts of the rigid bodies of a colour.
+class Rows(NamedTuple):
+    """Jacobians of contacts along normals and tangents, and what their impulses do."""
+
+    along: Float[Array, "point 3 colour body *batch"]
+    across: Float[Array, "point 3 colour body *batch"]
+    pushed: Float[Array, "point 3 colour body *batch"]  # velocity for an impulse along the normal
+    dragged: Float[Array, "point 3 colour body *batch"]
+    mass: Float[Array, "point 2 colour body *batch"]  # of the points, along and across, kg
+
+
+def rows(contacts: Contacts, inverse: Float[Array, "6 colour body *batch"]) -> Rows:
+    """Jacobians of contacts.
 
     Args:
         contacts: of all rigid bodies.
-        colour: of those.
-        friction: mu.
         inverse: of their mass, springs included.
-        velocity: of those rigid bodies.
-        impulse: so far, along the normal and along the tangent (N s).
-
-    Returns:
-        Velocities and impulses after.
 
     """
 
-    def one(velocity: Array, contact: tuple[Array, ...]) -> tuple[Array, Array]:
-        normal, lever, rebound, touching, (pushing, sideways) = contact
+    def row(direction: Array, lever: Array) -> tuple[Array, Array, Array]:
+        jacobian = jnp.concatenate([direction, (_left(lever) * direction).sum(0)[None]])
+        response = times(inverse, jacobian)
+        return jacobian, response, 1 / (jacobian * response).sum(0)
+
+    def both(normal: Array, lever: Array) -> Rows:
+        along, pushed, one = row(normal, lever)
+        across, dragged, other = row(-_left(normal), lever)
+        return Rows(along, across, pushed, dragged, jnp.stack([one, other]))
+
+    return jax.vmap(both)(contacts.normal, contacts.lever)
+
+
+class Motion(NamedTuple):
+    """Velocities of rigid bodies, and the impulses on each that give them."""
+
+    velocity: Float[Array, "3 colour body *batch"]
+    impulse: Float[Array, "3 colour body *batch"]  # of contacts and ropes: N s, N s, N m s
+
+
+def resolve(
+    contacts: Contacts,
+    rows: Rows,
+    friction: Number,
+    motion: Motion,
+    impulse: Float[Array, "point 2 colour body *batch"],
+) -> tuple[Motion, Float[Array, "point 2 colour body *batch"]]:
+    """One sweep over the contacts of each rigid body, point after point.
+
+    Args:
+        contacts: of all rigid bodies.
+        rows: their Jacobians.
+        friction: mu.
+        motion: of rigid bodies.
+        impulse: so far, along the normal and along the tangent (N s).
+
+    Returns:
+        Motion and impulses after.
+
+    """
+
+    def one(motion: Motion, contact: tuple[Array, ...]) -> tuple[Motion, Array]:
+        (pushing, sideways), rebound, touching, row = contact
+        velocity, on_body = motion
         limit = friction * pushing
-        along, across = _row(normal, lever), _row(-_left(normal), lever)
-        velocity, sideways = _impelled(inverse, velocity, across, 0.0, sideways, (-limit, limit))
-        most = jnp.where(touching, jnp.inf, 0.0)
-        velocity, pushing = _impelled(inverse, velocity, along, rebound, pushing, (0.0, most))
-        return velocity, jnp.stack([pushing, sideways])
+        slip = (row.across * velocity).sum(0)
+        dragging = jnp.clip(sideways - row.mass[1] * slip, -limit, limit)
+        velocity = velocity + row.dragged * (dragging - sideways)
+        lacking = rebound - (row.along * velocity).sum(0)
+        lifting = jnp.where(touching, jnp.maximum(pushing + row.mass[0] * lacking, 0.0), 0.0)
+        velocity = velocity + row.pushed * (lifting - pushing)
+        on_body += row.along * (lifting - pushing) + row.across * (dragging - sideways)
+        return Motion(velocity, on_body), jnp.stack([lifting, dragging])
 
-    listed = (
-        jnp.moveaxis(contacts.normal[:, :, colour], 1, 0),
-        jnp.moveaxis(contacts.lever[:, :, colour], 1, 0),
-        contacts.rebound[:, colour],
-        contacts.touching[:, colour],
-        jnp.moveaxis(impulse, 1, 0),
-    )
-    velocity, after = lax.scan(one, velocity, listed)
-    return velocity, jnp.moveaxis(after, 0, 1)
+    return lax.scan(one, motion, (impulse, contacts.rebound, contacts.touching, rows))
 
 
-def _row(direction: Float[Array, "2 *at"], lever: Float[Array, "2 *at"]) -> Float[Array, "3 *at"]:
-    """The Jacobian of a velocity along a direction: (d, r x d)."""
-    return jnp.concatenate([direction, (_left(lever) * direction).sum(0)[None]])
-
-
-def _impelled(
-    inverse: Float[Array, "6 *at"],
-    velocity: Float[Array, "3 *at"],
-    row: Float[Array, "3 *at"],
-    wanted: Any,
-    impulse: Float[Array, "*at"],
-    limits: tuple[Any, Any],
-) -> tuple[Float[Array, "3 *at"], Float[Array, "*at"]]:
-    """A rigid body's velocity with the impulse, within its limits, that brings it to a velocity."""
-    response = times(inverse, row)
-    lacking = (wanted - (row * velocity).sum(0)) / (row * response).sum(0)
-    after = jnp.clip(impulse + lacking, *limits)
-    return velocity + response * (after - impulse), after
+def impulse_of(rows: Rows, impulse: Float[Array, "point 2 colour body *batch"]) -> Array:
+    """The impulses of all contacts on each rigid body: N s, N s, N m s."""
+    return (rows.along * impulse[:, :1] + rows.across * impulse[:, 1:]).sum(0)
 
 
 def times(matrix: Float[Array, "6 *at"], vector: Float[Array, "3 *at"]) -> Float[Array, "3 *at"]:
@@ -224,15 +276,6 @@ def times(matrix: Float[Array, "6 *at"], vector: Float[Array, "3 *at"]) -> Float
     xx, xy, yy, xw, yw, ww = matrix
     x, y, w = vector
     return jnp.stack([xx * x + xy * y + xw * w, xy * x + yy * y + yw * w, xw * x + yw * y + ww * w])
-
-
-def impulse_of(
-    contacts: Contacts, colour: int, impulse: Float[Array, "2 corner body *batch"]
-) -> Float[Array, "3 body *batch"]:
-    """The impulses of all contacts on each rigid body of a colour: N s, N s, N m s."""
-    pushing, sideways = impulse
-    normal, lever = contacts.normal[:, :, colour], contacts.lever[:, :, colour]
-    return (_row(normal, lever) * pushing + _row(-_left(normal), lever) * sideways).sum(1)
 
 
 def lifted(
@@ -250,23 +293,17 @@ def lifted(
     mass, moment = inertia(lattice, material, place[0].ndim - 3)
     at_rest = over_batch(rest(lattice, material), place[0].ndim - 3)
 
-    def one(place: tuple[Array, Array], contact: tuple[Array, ...]) -> Any:
+    def one(point: Array, place: tuple[Array, Array]) -> tuple[Array, Array]:
         moved, heading = place
-        local, normal, reach, touching = contact
-        lever = rotated(heading, jnp.broadcast_to(local, heading.shape))
-        depth = reach - ((moved + at_rest + lever) * normal).sum(0)
-        turn = _row(normal, lever)[2]
+        normal = contacts.normal[point]
+        lever = rotated(heading, contacts.local[point])
+        depth = contacts.reach[point] - ((moved + at_rest + lever) * normal).sum(0)
+        turn = (_left(lever) * normal).sum(0)
         share = jnp.clip(CORRECTED * (depth - SLOP), 0.0, FARTHEST)
-        push = jnp.where(touching, share, 0.0) / (1 / mass + turn**2 / moment)
-        return (moved + normal * (push / mass), turned(heading, turn * push / moment)), None
+        push = jnp.where(contacts.touching[point], share, 0.0) / (1 / mass + turn**2 / moment)
+        return moved + normal * (push / mass), turned(heading, turn * push / moment)
 
-    listed = (
-        jnp.moveaxis(contacts.local, 1, 0),
-        jnp.moveaxis(contacts.normal, 1, 0),
-        contacts.reach,
-        contacts.touching,
-    )
-    return lax.scan(one, place, listed)[0]
+    return lax.fori_loop(0, POINTS, one, place)
 
 
 def turned(heading: Float[Array, "2 *at"], angle: Float[Array, "*at"]) -> Float[Array, "2 *at"]:

@@ -59,17 +59,17 @@ class Material(Module):
 
     @property
     def square_inertia(self) -> Number:
-        """I = m (a^2 + a^2) / 12, kg m^2, of a square about its centre."""
+        """Moment of inertia of a square about its centre: I = m (a^2 + a^2) / 12, kg m^2."""
         return self.square_mass * self.square**2 / 6
 
     @property
     def angular_frequency(self) -> Number:
-        """omega = 2 pi f, 1/s."""
+        """Angular frequency omega = 2 pi f, 1/s."""
         return 2 * np.pi * self.frequency
 
     @property
     def spring_inertia(self) -> Number:
-        """1 / (gamma m_e) = dt (2 zeta omega + dt omega^2): a spring's mass in the implicit step.
+        """What springs add to masses: 1 / (gamma m_e) = dt (2 zeta omega + dt omega^2).
 
         It is relative to the reduced mass m_e of what the spring joins.
         """
@@ -78,7 +78,7 @@ class Material(Module):
 
     @property
     def spring_pull(self) -> Number:
-        """bias / (gamma m_e) = dt omega^2, 1/s: velocity that a metre of stretch gives in a step."""
+        """What a metre of stretch does to a velocity: bias / (gamma m_e) = dt omega^2, 1/s."""
         return self.time_step * self.angular_frequency**2
 
     @property

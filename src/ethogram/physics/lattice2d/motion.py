@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from ethogram.core.batching import in_any_copy
 from ethogram.physics.lattice2d.contacts import (
-    CORNERS,
     PASSES,
+    POINTS,
     Contacts,
     Terrain,
     lifted,
@@ -39,7 +39,7 @@ class State(eqx.Module):
     velocity: Float[Array, "3 colour body *batch"]  # m/s, m/s, rad/s
     change: Float[Array, "3 colour body *batch"]  # of velocities by constraints, in the last step
     rope: Float[Array, "side voxel *batch"]  # impulses of the last step, N s
-    contact: Float[Array, "2 corner colour body *batch"]  # along normals and tangents; of terrain
+    contact: Float[Array, "point 2 colour body *batch"]  # along normals and tangents of a terrain
 
 
 def at_rest(
@@ -66,7 +66,7 @@ def at_rest(
         velocity=jnp.zeros((3, *shape)),
         change=jnp.zeros((3, *shape)),
         rope=jnp.zeros((len(SIDES), lattice.voxels, *batch)),
-        contact=jnp.zeros((2, CORNERS if terrain else 0, *shape)),
+        contact=jnp.zeros((POINTS if terrain else 0, 2, *shape)),
     )
 
 
@@ -116,7 +116,7 @@ def _carried_over(state: State, constraints: Constraints) -> Impulses:
     rope = jnp.where(constraints.ropes.taut, state.rope, 0.0)
     if constraints.contacts is None:
         return Impulses(rope, state.contact)
-    return Impulses(rope, jnp.where(constraints.contacts.touching, state.contact, 0.0))
+    return Impulses(rope, jnp.where(constraints.contacts.touching[:, None], state.contact, 0.0))
 
 
 def corrected(

@@ -11,17 +11,17 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Float
 
-from ethogram.physics.lattice2d.contacts import CORRECTED, FARTHEST, SLOP, inertia, times, turned
+from ethogram.physics.lattice2d.contacts import FARTHEST, SLOP, Motion, inertia, times, turned
 from ethogram.physics.lattice2d.lattice import COLOURS, Lattice
 from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.springs import SHORTEST, SIDES
 from ethogram.physics.lattice2d.squares import (
     Squares,
     cross,
+    of_bodies,
     of_squares,
     over_batch,
     squares,
-    total,
 )
 
 GROUPS = 4
@@ -36,21 +36,17 @@ class Ropes(NamedTuple):
 
 def ropes(lattice: Lattice, material: Material, at: Squares) -> Ropes:
     """Ropes of voxels whose squares are in given places."""
-    rows, taut = [], []
-    for side, (first, second) in enumerate(SIDES):
-        distance, n = _apart(at, side)
-        turn_1, turn_2 = (cross(at.lever[:, each], n) for each in (first, second))
-        rows.append(jnp.stack([-n[0], -n[1], -turn_1, n[0], n[1], turn_2]))
-        taut.append(distance <= material.square)
-    is_short = jnp.stack(taut)
-    return Ropes(jnp.stack(rows, 1), is_short & over_batch(lattice.used, is_short.ndim - 2))
+    first, second = zip(*SIDES, strict=True)
+    distance, n = _apart(at.between(first, second))
+    turn_1, turn_2 = (cross(at.levers(ends), n)[None] for ends in (first, second))
+    taut = (distance <= material.square) & over_batch(lattice.used, distance.ndim - 2)
+    return Ropes(jnp.concatenate([-n, -turn_1, n, turn_2]), taut)
 
 
-def _apart(at: Squares, side: int) -> tuple[Array, tuple[Array, Array]]:
-    """Distance between the two squares of a side, and the unit vector between their centres."""
-    x, y = at.between(*SIDES[side])
-    distance = jnp.maximum(jnp.sqrt(x**2 + y**2), SHORTEST)
-    return distance, (x / distance, y / distance)
+def _apart(between: Float[Array, "2 *at"]) -> tuple[Array, Array]:
+    """Length of a vector, and the unit vector along it."""
+    distance = jnp.maximum(jnp.sqrt((between**2).sum(0)), SHORTEST)
+    return distance, between / distance
 
 
 def _groups(lattice: Lattice, batch: int) -> Bool[Array, "group voxel ..."]:
@@ -63,43 +59,42 @@ def tightened(
     lattice: Lattice,
     ropes: Ropes,
     inverse: Float[Array, "6 colour body *batch"],
-    velocity: Float[Array, "3 colour body *batch"],
+    motion: Motion,
     impulse: Float[Array, "side voxel *batch"],
-) -> tuple[Array, Array]:
-    """One sweep over the ropes: velocities of rigid bodies and impulses after it.
+) -> tuple[Motion, Float[Array, "side voxel *batch"]]:
+    """One sweep over the ropes: motion of rigid bodies and impulses after it.
 
     Args:
         lattice: the body.
         ropes: of its voxels.
         inverse: of the mass of rigid bodies, springs included.
-        velocity: of rigid bodies.
+        motion: of rigid bodies.
         impulse: of ropes so far (N s).
 
     """
-    in_group = _groups(lattice, velocity.ndim - 3)
+    in_group = _groups(lattice, motion.velocity.ndim - 3)
+    of_voxels = of_squares(lattice, inverse)
 
-    def group(number: Array, both: tuple[Array, Array]) -> tuple[Array, Array]:
-        velocity, impulse = both
-        for side, pair in enumerate(SIDES):
-            rows = ropes.row[:3, side], ropes.row[3:, side]
-            response = [
-                times(of_squares(lattice, inverse)[:, colour], row)
-                for colour, row in zip(pair, rows, strict=True)
-            ]
-            speeds = [
-                (of_squares(lattice, velocity)[:, colour] * row).sum(0)
-                for colour, row in zip(pair, rows, strict=True)
-            ]
-            softness = sum((a * b).sum(0) for a, b in zip(rows, response, strict=True))
-            wanted = jnp.maximum(impulse[side] - sum(speeds) / softness, 0.0)
-            done = in_group[number] & ropes.taut[side]
-            change = jnp.where(done, wanted - impulse[side], 0.0)
-            impulse = impulse.at[side].add(change)
-            for colour, each in zip(pair, response, strict=True):
-                velocity = velocity.at[:, colour].add(total(lattice, colour, each * change))
-        return velocity, impulse
+    def one(number: Array, at: tuple[Motion, Array]) -> tuple[Motion, Array]:
+        (velocity, on_body), impulse = at
+        group, side = jnp.divmod(number, len(SIDES))
+        pair = jnp.asarray(SIDES)[side]
+        rows = ropes.row[:3, side], ropes.row[3:, side]
+        response = [times(of_voxels[:, pair[end]], rows[end]) for end in range(2)]
+        velocities = of_squares(lattice, velocity)
+        speed = sum((velocities[:, pair[end]] * rows[end]).sum(0) for end in range(2))
+        softness = sum((rows[end] * response[end]).sum(0) for end in range(2))
+        wanted = jnp.maximum(impulse[side] - speed / softness, 0.0)
+        done = in_group[group] & ropes.taut[side]
+        change = jnp.where(done, wanted - impulse[side], 0.0)
+        both = jnp.zeros_like(velocity, shape=(6, COLOURS, *change.shape))
+        for end in range(2):
+            by = jnp.concatenate([response[end], rows[end]]) * change
+            both = both.at[:, pair[end]].set(by)
+        both = of_bodies(lattice, both)
+        return Motion(velocity + both[:3], on_body + both[3:]), impulse.at[side].add(change)
 
-    return lax.fori_loop(0, GROUPS, group, (velocity, impulse))
+    return lax.fori_loop(0, GROUPS * len(SIDES), one, (motion, impulse))
 
 
 def impulse_of(
@@ -110,7 +105,7 @@ def impulse_of(
     for side, (first, second) in enumerate(SIDES):
         on[first] += ropes.row[:3, side] * impulse[side]
         on[second] += ropes.row[3:, side] * impulse[side]
-    return jnp.stack([total(lattice, colour, on[colour]) for colour in range(COLOURS)], 1)
+    return of_bodies(lattice, jnp.stack(on, 1))
 
 
 def are_short(
@@ -118,7 +113,7 @@ def are_short(
 ) -> Bool[Array, "side voxel *batch"]:
     """Which ropes are too short by more than is let be."""
     at = squares(lattice, material, *place)
-    distance = jnp.stack([_apart(at, side)[0] for side in range(len(SIDES))])
+    distance, _ = _apart(at.between(*zip(*SIDES, strict=True)))
     return (distance < material.square - SLOP) & over_batch(lattice.used, distance.ndim - 2)
 
 
@@ -132,25 +127,24 @@ def lengthened(
         of_squares(lattice, each[None])[0] for each in inertia(lattice, material, batch)
     )
 
-    def group(number: Array, place: tuple[Array, Array]) -> tuple[Array, Array]:
-        for side, pair in enumerate(SIDES):
-            at = squares(lattice, material, *place)
-            distance, n = _apart(at, side)
-            lacking = jnp.clip(material.square - SLOP - distance, 0.0, FARTHEST)
-            turns = [cross(tuple(at.lever[:, colour]), n) for colour in pair]
-            softness = sum(
-                1 / mass[colour] + turn**2 / moment[colour]
-                for colour, turn in zip(pair, turns, strict=True)
-            )
-            push = jnp.where(in_group[number], lacking / softness, 0.0)
-            moved, heading = place
-            for sign, colour, turn in zip((-1, 1), pair, turns, strict=True):
-                step = sign * push * jnp.stack(n) / mass[colour]
-                angle = sign * push * turn / moment[colour]
-                moved = moved.at[:, colour].add(total(lattice, colour, step))
-                by = total(lattice, colour, angle[None])[0]
-                heading = heading.at[:, colour].set(turned(heading[:, colour], by))
-            place = moved, heading
-        return place
+    def one(number: Array, place: tuple[Array, Array]) -> tuple[Array, Array]:
+        group, side = jnp.divmod(number, len(SIDES))
+        pair = jnp.asarray(SIDES)[side]
+        at = squares(lattice, material, *place)
+        distance, n = _apart(at.between([pair[0]], [pair[1]])[:, 0])
+        turns = [cross(at.lever[:, pair[end]], n) for end in range(2)]
+        softness = sum(
+            1 / mass[pair[end]] + turns[end] ** 2 / moment[pair[end]] for end in range(2)
+        )
+        lacking = jnp.clip(material.square - SLOP - distance, 0.0, FARTHEST)
+        push = jnp.where(in_group[group], lacking / softness, 0.0)
+        by = jnp.zeros_like(push, shape=(3, COLOURS, *push.shape))
+        for end, sign in enumerate((-1, 1)):
+            step = jnp.stack([*n, turns[end]]) * sign * push
+            weight = jnp.stack([mass[pair[end]], mass[pair[end]], moment[pair[end]]])
+            by = by.at[:, pair[end]].set(step / weight)
+        change = of_bodies(lattice, by)
+        moved, heading = place
+        return moved + change[:2], turned(heading, change[2])
 
-    return lax.fori_loop(0, GROUPS, group, place)
+    return lax.fori_loop(0, GROUPS * len(SIDES), one, place)

@@ -1,11 +1,12 @@
 """Velocities after a step: rigid bodies one colour after the other, each by its own block.
 
 Block Gauss-Seidel over the rigid bodies: with the others as they are, a rigid body's velocity
-solves a system of three equations, exactly.  Contacts and ropes are impulses that push and never
-pull; they are found one after the other (projected Gauss-Seidel), and meet the mass of the rigid
-body with its springs.
+solves a system of three equations, exactly.  Contacts, and then ropes, are impulses that push and
+never pull; they are found one after the other (projected Gauss-Seidel), and meet the mass of the
+rigid body with its springs.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,12 +15,12 @@ from jaxtyping import Bool, Float
 
 from ethogram.physics.lattice2d import contacts as terrain
 from ethogram.physics.lattice2d import ropes as rope
-from ethogram.physics.lattice2d.contacts import Contacts, inertia, times
+from ethogram.physics.lattice2d.contacts import Contacts, Motion, inertia, times
 from ethogram.physics.lattice2d.lattice import COLOURS, Lattice
 from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.ropes import Ropes
-from ethogram.physics.lattice2d.springs import Blocks, impulse_on
-from ethogram.physics.lattice2d.squares import of_colour, total
+from ethogram.physics.lattice2d.springs import Blocks, impulse_on, on_squares
+from ethogram.physics.lattice2d.squares import of_bodies, of_colour, total
 
 
 class Constraints(NamedTuple):
@@ -35,7 +36,7 @@ class Impulses(NamedTuple):
     """Impulses that push and never pull (N s)."""
 
     rope: Float[Array, "side voxel *batch"]
-    contact: Float[Array, "2 corner colour body *batch"]  # along normals, along tangents
+    contact: Float[Array, "point 2 colour body *batch"]  # along normals, along tangents
 
 
 class System(NamedTuple):
@@ -63,14 +64,9 @@ def system(
     mass, moment = inertia(lattice, material, free.ndim - 3)
     nothing = jnp.zeros_like(mass)
     own = jnp.stack([mass, nothing, mass, nothing, nothing, moment])
-    held = _of_all(lattice, springs.diagonal)
+    held = of_bodies(lattice, on_squares(springs))
     momentum = jnp.stack([mass * free[0], mass * free[1], moment * free[2]])
-    return System(_inverse(own + held), momentum + _of_all(lattice, springs.impulse))
-
-
-def _of_all(lattice: Lattice, values: Float[Array, "c colour voxel *batch"]) -> Array:
-    """Sums over the squares of each rigid body."""
-    return jnp.stack([total(lattice, c, values[:, c]) for c in range(COLOURS)], 1)
+    return System(_inverse(own + held[:6]), momentum + held[6:])
 
 
 def _inverse(matrix: Float[Array, "6 *at"]) -> Float[Array, "6 *at"]:
@@ -109,57 +105,54 @@ def solve(
 
     """
     equations = system(lattice, material, constraints.springs, free)
+    contacts = constraints.contacts
+    rows = None if contacts is None else terrain.rows(contacts, equations.inverse)
 
-    def sweep(_: Array, at: tuple[Array, Impulses]) -> tuple[Array, Impulses]:
-        velocity, impulses = at
-        pushed = equations.momentum + rope.impulse_of(lattice, constraints.ropes, impulses.rope)
-        velocity, contact = _colours(
-            lattice, material, constraints, equations._replace(momentum=pushed), velocity, impulses
+    carried = rope.impulse_of(lattice, constraints.ropes, impulses.rope)
+    if rows is not None:
+        carried += terrain.impulse_of(rows, impulses.contact)
+
+    def sweep(_: Array, at: tuple[Motion, Impulses]) -> tuple[Motion, Impulses]:
+        (velocity, pushed), (tension, contact) = at
+        momentum = equations.momentum + pushed
+        velocity = _by_colour(lattice, constraints.springs, equations.inverse, momentum, velocity)
+        motion = Motion(velocity, pushed)
+        if contacts is not None and rows is not None:
+            motion, contact = terrain.resolve(contacts, rows, material.friction, motion, contact)
+        motion, tension = lax.cond(
+            constraints.any_rope,
+            partial(rope.tightened, lattice, constraints.ropes, equations.inverse),
+            lambda *same: same,
+            motion,
+            tension,
         )
-        tight = rope.tightened(
-            lattice, constraints.ropes, equations.inverse, velocity, impulses.rope
-        )
-        return tight[0], Impulses(tight[1], contact)
+        return motion, Impulses(tension, contact)
 
-    def sweep_without_ropes(_: Array, at: tuple[Array, Impulses]) -> tuple[Array, Impulses]:
-        velocity, contact = _colours(lattice, material, constraints, equations, *at)
-        return velocity, at[1]._replace(contact=contact)
-
-    return lax.cond(
-        constraints.any_rope,
-        lambda: lax.fori_loop(0, material.sweeps, sweep, (guess, impulses)),
-        lambda: lax.fori_loop(0, material.sweeps, sweep_without_ropes, (guess, impulses)),
-    )
+    motion, impulses = lax.fori_loop(0, material.sweeps, sweep, (Motion(guess, carried), impulses))
+    return motion.velocity, impulses
 
 
-def _colours(
+def _by_colour(
     lattice: Lattice,
-    material: Material,
-    constraints: Constraints,
-    equations: System,
+    springs: Blocks,
+    inverse: Float[Array, "6 colour body *batch"],
+    momentum: Float[Array, "3 colour body *batch"],
     velocity: Float[Array, "3 colour body *batch"],
-    impulses: Impulses,
-) -> tuple[Array, Array]:
-    """Velocities of all rigid bodies, one colour after the other, and impulses of contacts."""
-    contact = impulses.contact
+) -> Float[Array, "3 colour body *batch"]:
+    """Velocities of all rigid bodies, solved for one colour after the other.
+
+    Args:
+        lattice: the body.
+        springs: of its voxels.
+        inverse: of the mass of rigid bodies, springs included.
+        momentum: before the step, with all impulses but those of springs between moving squares.
+        velocity: so far.
+
+    """
     moving = [velocity[:, colour] for colour in range(COLOURS)]
     of_voxels = [of_colour(lattice, colour, moving[colour]) for colour in range(COLOURS)]
     for colour in range(COLOURS):
-        push = impulse_on(colour, constraints.springs, of_voxels)
-        momentum = equations.momentum[:, colour] + total(lattice, colour, push)
-        inverse = equations.inverse[:, colour]
-        if constraints.contacts is None:
-            moving[colour] = times(inverse, momentum)
-        else:
-            momentum += terrain.impulse_of(constraints.contacts, colour, contact[:, :, colour])
-            moving[colour], after = terrain.resolve(
-                constraints.contacts,
-                colour,
-                material.friction,
-                inverse,
-                times(inverse, momentum),
-                contact[:, :, colour],
-            )
-            contact = contact.at[:, :, colour].set(after)
+        push = total(lattice, colour, impulse_on(colour, springs, of_voxels))
+        moving[colour] = times(inverse[:, colour], momentum[:, colour] + push)
         of_voxels[colour] = of_colour(lattice, colour, moving[colour])
-    return jnp.stack(moving, 1), contact
+    return jnp.stack(moving, 1)

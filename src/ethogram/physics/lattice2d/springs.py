@@ -16,11 +16,10 @@ As in the original, m_e is that of the two squares, whatever rigid bodies they a
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Float
 
 from ethogram.physics.lattice2d.lattice import COLOURS, SIGNS
@@ -28,7 +27,7 @@ from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.squares import Squares, cross
 
 PAIRS = ((0, 1), (2, 3), (0, 2), (1, 3), (0, 3), (1, 2))  # of squares: sides of a voxel, diagonals
-SIDES = PAIRS[:4]
+SIDES, DIAGONALS = PAIRS[:4], PAIRS[4:]
 SHORTEST = 1e-9  # m: what keeps a direction finite
 
 
@@ -60,7 +59,7 @@ def springs(which: str) -> tuple[Spring, ...]:
             found.append(Spring(pair, *anchors((outward, -outward)), "crossed"))
             found.append(Spring(pair, *anchors((-outward, outward)), "crossed"))
     centre = (0, 0)
-    found += [Spring(pair, centre, centre, "diagonal") for pair in (4, 5)]
+    found += [Spring(PAIRS.index(pair), centre, centre, "diagonal") for pair in DIAGONALS]
     return tuple(found)
 
 
@@ -84,22 +83,17 @@ def target(
     return resting + control * towards
 
 
-class Pair(NamedTuple):
-    """Sums over the springs between two squares: k = 1 / gamma, e = m_e dt omega^2 (l - l*)."""
-
-    linear: Float[Array, "3 voxel *batch"]  # k n n': xx, xy, yy (kg)
-    first: Float[Array, "2 voxel *batch"]  # k n (r_1 x n) (kg m)
-    second: Float[Array, "2 voxel *batch"]  # k n (r_2 x n)
-    angular: Float[Array, "3 voxel *batch"]  # k (r_i x n) (r_j x n): 11, 12, 22 (kg m^2)
-    pull: Float[Array, "4 voxel *batch"]  # e n, e (r_1 x n), e (r_2 x n) (N s, N m s)
-
-
 class Blocks(NamedTuple):
-    """The matrix of all springs, and the impulses that they begin with."""
+    """Sums over the springs between two squares; k = 1 / gamma, e = m_e dt omega^2 (l - l*).
 
-    pairs: tuple[Pair, ...]  # in the order of `PAIRS`
-    diagonal: Float[Array, "6 colour voxel *batch"]  # of each square: xx, xy, yy, xw, yw, ww
-    impulse: Float[Array, "3 colour voxel *batch"]  # on each square (N s, N m s)
+    Pairs of squares are in the order of `PAIRS`.
+    """
+
+    linear: Float[Array, "3 pair voxel *batch"]  # k n n': xx, xy, yy (kg)
+    first: Float[Array, "2 pair voxel *batch"]  # k n (r_1 x n) (kg m)
+    second: Float[Array, "2 pair voxel *batch"]  # k n (r_2 x n)
+    angular: Float[Array, "3 pair voxel *batch"]  # k (r_i x n) (r_j x n): 11, 12, 22 (kg m^2)
+    pull: Float[Array, "4 pair voxel *batch"]  # e n, e (r_1 x n), e (r_2 x n) (N s, N m s)
 
 
 def blocks(material: Material, at: Squares, control: Float[Array, "voxel *batch"]) -> Blocks:
@@ -111,46 +105,59 @@ def blocks(material: Material, at: Squares, control: Float[Array, "voxel *batch"
         control: of each voxel, in [-1, 1].
 
     """
-    length = lengths(material)
-    targets = {kind: target(length[kind], control) for kind in length}
-    by_pair: list[list[Pair]] = [[] for _ in PAIRS]
-    for spring in springs(material.springs):
-        by_pair[spring.pair].append(_pulled(material, at, spring, targets[spring.kind]))
-    pairs = tuple(jax.tree.map(lambda *terms: sum(terms[1:], terms[0]), *each) for each in by_pair)
-    diagonal, impulse = [[0.0] * COLOURS for _ in range(2)]
-    for (first, second), of in zip(PAIRS, pairs, strict=True):
-        diagonal[first] += jnp.concatenate([of.linear, of.first, of.angular[:1]])
-        diagonal[second] += jnp.concatenate([of.linear, of.second, of.angular[2:]])
-        impulse[first] += of.pull[:3]
-        impulse[second] -= jnp.concatenate([of.pull[:2], of.pull[3:]])
-    return Blocks(pairs, jnp.stack(diagonal, 1), jnp.stack(impulse, 1))
-
-
-def _pulled(material: Material, at: Squares, spring: Spring, target: Array) -> Pair:
-    """One spring of all voxels."""
-    first, second = PAIRS[spring.pair]
-    arm_1, arm_2 = at.corner(first, spring.first), at.corner(second, spring.second)
-    r_1 = [lever + arm for lever, arm in zip(at.lever[:, first], arm_1, strict=True)]
-    r_2 = [lever + arm for lever, arm in zip(at.lever[:, second], arm_2, strict=True)]
-    apart = [
-        between + (b - a)
-        for between, a, b in zip(at.between(first, second), arm_1, arm_2, strict=True)
-    ]
-    length = jnp.maximum(jnp.sqrt(apart[0] ** 2 + apart[1] ** 2), SHORTEST)
-    n = apart[0] / length, apart[1] / length
+    listed = springs(material.springs)
+    length_of = lengths(material)
+    targets = {kind: target(length_of[kind], control) for kind in length_of}
+    first, second = zip(*(PAIRS[spring.pair] for spring in listed), strict=True)
+    arm_1 = at.corners(first, [spring.first for spring in listed])
+    arm_2 = at.corners(second, [spring.second for spring in listed])
+    r_1, r_2 = (at.levers(ends) + arm for ends, arm in ((first, arm_1), (second, arm_2)))
+    apart = at.between(first, second) + (arm_2 - arm_1)
+    length = jnp.maximum(jnp.sqrt((apart**2).sum(0)), SHORTEST)
+    n = apart / length
     turn_1, turn_2 = cross(r_1, n), cross(r_2, n)
     mass, moment = material.square_mass, material.square_inertia
     reduced = 1 / (2 / mass + (cross(arm_1, n) ** 2 + cross(arm_2, n) ** 2) / moment)  # m_e
     k = reduced * material.spring_inertia
-    e = reduced * material.spring_pull * (length - target)
-    (x, y), (kx, ky) = n, (k * n[0], k * n[1])
-    return Pair(
-        linear=jnp.stack([kx * x, kx * y, ky * y]),
-        first=jnp.stack([kx * turn_1, ky * turn_1]),
-        second=jnp.stack([kx * turn_2, ky * turn_2]),
-        angular=jnp.stack([k * turn_1**2, k * turn_1 * turn_2, k * turn_2**2]),
-        pull=jnp.stack([e * x, e * y, e * turn_1, e * turn_2]),
+    stretch = length - jnp.stack([targets[spring.kind] for spring in listed])
+    e = reduced * material.spring_pull * stretch
+    # all that follows reads these, and would compute them again and again
+    n, turn_1, turn_2, k, e = lax.optimization_barrier((n, turn_1, turn_2, k, e))
+    (x, y), k1, k2 = n, k * turn_1, k * turn_2
+    return Blocks(
+        linear=_by_pair(k * x * x, k * x * y, k * y * y),
+        first=_by_pair(k1 * x, k1 * y),
+        second=_by_pair(k2 * x, k2 * y),
+        angular=_by_pair(k1 * turn_1, k1 * turn_2, k2 * turn_2),
+        pull=_by_pair(e * x, e * y, e * turn_1, e * turn_2),
     )
+
+
+def _by_pair(*terms: Float[Array, "spring voxel *batch"]) -> Float[Array, "c pair voxel *batch"]:
+    """Sums over the springs between two squares; sides have equally many, diagonals one."""
+    each = jnp.stack(terms)
+    sides, diagonals = each[:, : -len(DIAGONALS)], each[:, -len(DIAGONALS) :]
+    by_side = sides.reshape(len(terms), len(SIDES), -1, *sides.shape[2:])
+    total = by_side[:, :, 0]
+    for spring in range(1, by_side.shape[2]):
+        total += by_side[:, :, spring]
+    return jnp.concatenate([total, diagonals], 1)
+
+
+def on_squares(blocks: Blocks) -> Float[Array, "9 colour voxel *batch"]:
+    """What the springs of a voxel do to each of its squares, if the others do not move.
+
+    The block of the matrix (xx, xy, yy, xw, yw, ww; kg, kg m, kg m^2), and the impulse that springs
+    begin with (N s, N s, N m s).
+    """
+    on: list[Any] = [0.0] * COLOURS
+    of = blocks
+    first = jnp.concatenate([of.linear, of.first, of.angular[:1], of.pull[:3]])
+    second = jnp.concatenate([of.linear, of.second, of.angular[2:], -of.pull[:2], -of.pull[3:]])
+    for pair, (one, other) in enumerate(PAIRS):
+        on[one] += first[:, pair]
+        on[other] += second[:, pair]
+    return jnp.stack(on, 1)
 
 
 def impulse_on(
@@ -165,19 +172,20 @@ def impulse_on(
 
     """
     total = jnp.zeros_like(velocity[colour])
-    for (first, second), of in zip(PAIRS, springs.pairs, strict=True):
-        xx, xy, yy = of.linear
+    for pair, (first, second) in enumerate(PAIRS):
+        xx, xy, yy = springs.linear[:, pair]
+        mine, its = springs.first[:, pair], springs.second[:, pair]
         if colour == first:
-            (vx, vy, w), mine, its = velocity[second], of.first, of.second
+            vx, vy, w = velocity[second]
         elif colour == second:
-            (vx, vy, w), mine, its = velocity[first], of.second, of.first
+            (vx, vy, w), mine, its = velocity[first], its, mine
         else:
             continue
         total += jnp.stack(
             [
                 xx * vx + xy * vy + its[0] * w,
                 xy * vx + yy * vy + its[1] * w,
-                mine[0] * vx + mine[1] * vy + of.angular[1] * w,
+                mine[0] * vx + mine[1] * vy + springs.angular[1, pair] * w,
             ]
         )
     return total

@@ -4,10 +4,12 @@ Arrays over rigid bodies are [component, colour, body, *batch], those over squar
 voxel has one of each colour, [component, colour, voxel, *batch].
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Int, Shaped
 
 from ethogram.physics.lattice2d.lattice import COLOURS, SIGNS, Lattice
 from ethogram.physics.lattice2d.material import Material
@@ -25,23 +27,36 @@ class Squares(eqx.Module):
     across: Float[Array, "2 colour voxel *batch"]  # half a side along the square's own x axis
     mirror: Float[Array, "2 voxel ..."]
 
-    def corner(self, colour: int, sign: tuple[int, int]) -> tuple[Array, Array]:
-        """From a square's centre to a corner, or to the centre itself if the sign is (0, 0).
+    def corners(
+        self, colour: Sequence[int], signs: Sequence[tuple[int, int]]
+    ) -> Float[Array, "2 corner voxel *batch"]:
+        """From the centres of squares to corners of them, m.
 
         Args:
-            colour: of the square.
-            sign: of the corner, in a voxel that is not mirrored.
+            colour: of the square, for each corner.
+            signs: of each corner, in a voxel that is not mirrored; (0, 0) is the centre itself.
 
         """
-        along = [sign[axis] * self.mirror[axis] for axis in range(2)]
-        x, y = self.across[:, colour]
-        return along[0] * x - along[1] * y, along[0] * y + along[1] * x
+        sign = over_batch(jnp.asarray(signs, self.across.dtype), self.across.ndim - 2)
+        along, beside = (sign[:, axis] * self.mirror[axis] for axis in range(2))
+        x, y = _at(self.across, colour)
+        return jnp.stack([along * x - beside * y, along * y + beside * x])
 
-    def between(self, first: int, second: int) -> tuple[Array, Array]:
-        """From the centre of one square to that of another one of the same voxel."""
+    def levers(self, colour: Sequence[int]) -> Float[Array, "2 square voxel *batch"]:
+        """From the centres of rigid bodies to those of squares of these colours, m."""
+        return _at(self.lever, colour)
+
+    def between(
+        self, first: Sequence[int], second: Sequence[int]
+    ) -> Float[Array, "2 pair voxel *batch"]:
+        """From the centres of squares of these colours to others of the same voxels, m."""
         at = self.moved + self.lever
-        x, y = at[:, second] - at[:, first] + (self.rest[:, second] - self.rest[:, first])
-        return x, y
+        return _at(at, second) - _at(at, first) + (_at(self.rest, second) - _at(self.rest, first))
+
+
+def _at(values: Shaped[Array, "c colour ..."], colour: Sequence[int]) -> Array:
+    """The values of colours, one after the other."""
+    return jnp.stack([values[:, each] for each in colour], 1)
 
 
 def squares(lattice: Lattice, material: Material, moved: Array, heading: Array) -> Squares:
@@ -93,11 +108,25 @@ def of_colour(lattice: Lattice, colour: int, values: Shaped[Array, "c body *batc
 
 def total(lattice: Lattice, colour: int, values: Shaped[Array, "c voxel *batch"]) -> Array:
     """Per rigid body of a colour, the sum over its squares."""
+    return _total(lattice.voxel[colour], values)
+
+
+def of_bodies(lattice: Lattice, values: Shaped[Array, "c colour voxel *batch"]) -> Array:
+    """Per rigid body, the sum over its squares."""
+    first = values.shape[2] * jnp.arange(COLOURS)[:, None, None]
+    nothing = values.shape[2] * COLOURS
+    index = jnp.where(lattice.voxel < values.shape[2], lattice.voxel + first, nothing)
+    return _total(index, values.reshape(values.shape[0], -1, *values.shape[3:]))
+
+
+def _total(index: Int[Array, "*body square"], values: Shaped[Array, "c item *batch"]) -> Array:
+    """Sums over the items of each body; an index beyond the last is no item."""
     padded = jnp.concatenate([values, jnp.zeros_like(values[:, :1])], 1)
-    listed = padded.at[:, lattice.voxel[colour].T].get(
-        mode="promise_in_bounds", wrap_negative_indices=False
+    one, *others = (
+        padded.at[:, index[..., square]].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        for square in range(index.shape[-1])
     )
-    return listed[:, 0] + listed[:, 1] + listed[:, 2] + listed[:, 3]
+    return sum(others, one)
 
 
 def rotated(turn: Float[Array, "2 *at"], vector: Float[Array, "2 *at"]) -> Float[Array, "2 *at"]:
@@ -106,7 +135,7 @@ def rotated(turn: Float[Array, "2 *at"], vector: Float[Array, "2 *at"]) -> Float
     return jnp.stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def cross(a: tuple[Array, Array], b: tuple[Array, Array]) -> Array:
+def cross(a: Float[Array, "2 *at"], b: Float[Array, "2 *at"]) -> Float[Array, "*at"]:
     """The product a x b of two vectors in the plane."""
     return a[0] * b[1] - a[1] * b[0]
 
@@ -116,14 +145,11 @@ def over_batch(values: Array, axes: int) -> Array:
     return values.reshape(values.shape + (1,) * axes)
 
 
-def area_ratio(lattice: Lattice, material: Material, at: Squares) -> Float[Array, "voxel *batch"]:
+def area_ratio(material: Material, at: Squares) -> Float[Array, "voxel *batch"]:
     """Area of each voxel between its four outermost corners, over that at rest."""
-    corners = []
-    for colour, sign in enumerate(SIGNS.tolist()):
-        x, y = at.corner(colour, sign)
-        corners.append(
-            (at.moved + at.lever + at.rest)[:, colour] - at.rest[:, 0] + jnp.stack([x, y])
-        )
-    diagonal, other = corners[3] - corners[0], corners[2] - corners[1]
+    corner = at.corners(range(COLOURS), SIGNS.tolist())
+    at_corner = at.moved + at.lever + (at.rest - at.rest[:, :1]) + corner
+    diagonal = at_corner[:, 3] - at_corner[:, 0]
+    other = at_corner[:, 2] - at_corner[:, 1]
     handed = at.mirror[0] * at.mirror[1]
-    return handed * cross(tuple(diagonal), tuple(other)) / (2 * material.edge**2)
+    return handed * cross(diagonal, other) / (2 * material.edge**2)
