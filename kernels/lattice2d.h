@@ -683,7 +683,6 @@ class Simulation {
     Mask upright = absolute(along.y) >= absolute(along.x);
     Lanes half = all(of_.square / 2), none = all(0);
     Vector2 towards = {along.x > none ? -half : half, along.y > none ? -half : half};
-    towards = {along.x == none ? none : towards.x, along.y == none ? none : towards.y};
     for (int end = 0; end < 2; end++) {
       Lanes lateral = end ? half : -half;
       Vector2 corner = {upright ? lateral : towards.x, upright ? towards.y : lateral};

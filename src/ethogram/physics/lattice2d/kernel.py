@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 
 from ethogram.core.batching import with_vmap_rule
 from ethogram.physics import native
-from ethogram.physics.kernel_axes import more_bodies, with_bodies
+from ethogram.physics.kernel_calls import more_bodies, with_bodies
 from ethogram.physics.lattice2d.contacts import Terrain
 from ethogram.physics.lattice2d.lattice import Lattice
 from ethogram.physics.lattice2d.material import Material
@@ -190,7 +190,7 @@ def avalanches(name: str, longest: int, bodies: bool = False) -> Any:
         lattice: Lattice, material: Material, threshold: Array
     ) -> tuple[Int[Array, "*bodies voxel"], Int[Array, "*bodies voxel"]]:
         dtype = threshold.dtype
-        per_voxel = jax.ShapeDtypeStruct(lattice.used.shape, jnp.int32)
+        per_voxel = jax.eval_shape(lambda: jnp.zeros(lattice.used.shape, jnp.int32))
         sizes, durations = jax.ffi.ffi_call(name, [per_voxel, per_voxel])(
             threshold,
             with_bodies(partial(constants, dtype=dtype), bodies)(material),

@@ -1,11 +1,19 @@
-"""Bodies as the first axis of the arrays that a kernel takes."""
+"""What calls of native kernels have in common: where they go, and axes of bodies."""
 
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
+from jax.extend.backend import backends
+
+
+def on_cpus(by_kernel: Callable[..., Any], in_jax: Callable[..., Any], *arguments: Any) -> Any:
+    """What a kernel makes of its arguments on a CPU, and the same by JAX on anything else."""
+    if set(backends()) == {"cpu"}:  # nothing need be traced for other platforms
+        return by_kernel(*arguments)
+    return lax.platform_dependent(*arguments, cpu=by_kernel, default=in_jax)
 
 
 def with_bodies(function: Callable[..., Any], bodies: bool) -> Callable[..., Any]:
@@ -21,7 +29,7 @@ def more_bodies(
     *,
     bodies: bool,
 ) -> tuple[Any, Any]:
-    """What a rule of `with_vmap_rule` returns for a batch of bodies: one axis of all that there are.
+    """What a rule of `with_vmap_rule` returns for a batch of bodies: all in one axis.
 
     Args:
         each: takes the arguments with bodies as first axis of all arrays.
