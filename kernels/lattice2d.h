@@ -766,20 +766,20 @@ class Simulation {
     }
   }
 
-  // The tangent, at most mu times what the normal has, then the normal.
+  // The normal, then the tangent, at most mu times what the normal has.
   void resolve(const Contact& contact) {
     Vector3 &velocity = velocity_[contact.body], &momentum = system_[contact.body].momentum;
     Lanes &pushing = pushing_[contact.point], &sideways = sideways_[contact.point];
-    Lanes limit = all(of_.friction) * pushing;
-    Lanes wanted = fnma(contact.across.speed(velocity), contact.across.per_speed, sideways);
-    wanted = contact.touching ? smaller(larger(wanted, -limit), limit) : all(0);
-    contact.across.act(wanted - sideways, velocity, momentum);
-    sideways = wanted;
     Lanes lacking = contact.rebound - contact.along.speed(velocity);
-    wanted = larger(fma(lacking, contact.along.per_speed, pushing), all(0));
+    Lanes wanted = larger(fma(lacking, contact.along.per_speed, pushing), all(0));
     wanted = contact.touching ? wanted : all(0);
     contact.along.act(wanted - pushing, velocity, momentum);
     pushing = wanted;
+    Lanes limit = all(of_.friction) * pushing;
+    wanted = fnma(contact.across.speed(velocity), contact.across.per_speed, sideways);
+    wanted = contact.touching ? smaller(larger(wanted, -limit), limit) : all(0);
+    contact.across.act(wanted - sideways, velocity, momentum);
+    sideways = wanted;
   }
 
   // Semi-implicit Euler.
