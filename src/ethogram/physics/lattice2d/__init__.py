@@ -19,7 +19,7 @@ Precision is JAX's: 32 bits, or 64 where `jax_enable_x64` is set.
 
 from ethogram.physics.lattice2d.avalanche import Avalanches, avalanches
 from ethogram.physics.lattice2d.contacts import Terrain, flat
-from ethogram.physics.lattice2d.lattice import Lattice, lattice, most_bodies, pad, stack
+from ethogram.physics.lattice2d.lattice import Lattice, lattice, lattices
 from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.motion import State, at_rest
 from ethogram.physics.lattice2d.simulate import simulate
@@ -34,8 +34,6 @@ __all__ = [
     "avalanches",
     "flat",
     "lattice",
-    "most_bodies",
-    "pad",
+    "lattices",
     "simulate",
-    "stack",
 ]

@@ -68,7 +68,7 @@ class Terrain(eqx.Module):
 
 def flat() -> Terrain:
     """Level ground at y = 0, without end."""
-    return Terrain(np.array([(0.0, 0.0), (1.0, 0.0)]))
+    return Terrain(jnp.array([(0.0, 0.0), (1.0, 0.0)]))
 
 
 class Contacts(NamedTuple):
@@ -139,8 +139,8 @@ def _squares(
 
 
 def _facing(
-    heading: Float[Array, "2 *at"], normal: Float[Array, "2 *at"], side: Number
-) -> list[Float[Array, "2 *at"]]:
+    heading: Float[Array, "2 *#at"], normal: Float[Array, "2 *#at"], side: Number
+) -> list[Float[Array, "2 ..."]]:
     """The two corners of a square that face a surface the most, from its centre, not rotated, m."""
     along = rotated(heading * jnp.array([1.0, -1.0]).reshape(2, *[1] * (heading.ndim - 1)), normal)
     is_upright = jnp.abs(along[1]) >= jnp.abs(along[0])
@@ -250,16 +250,18 @@ def resolve(
 
     """
 
-    def one(motion: Motion, contact: tuple[Array, ...]) -> tuple[Motion, Array]:
+    def one(
+        motion: Motion, contact: tuple[Array, Array, Array, Rows]
+    ) -> tuple[Motion, Float[Array, "2 colour body *batch"]]:
         (pushing, sideways), rebound, touching, row = contact
         velocity, on_body = motion
-        limit = friction * pushing
-        slip = (row.across * velocity).sum(0)
-        dragging = jnp.clip(sideways - row.mass[1] * slip, -limit, limit)
-        velocity = velocity + row.dragged * (dragging - sideways)
         lacking = rebound - (row.along * velocity).sum(0)
         lifting = jnp.where(touching, jnp.maximum(pushing + row.mass[0] * lacking, 0.0), 0.0)
         velocity = velocity + row.pushed * (lifting - pushing)
+        limit = friction * lifting
+        slip = (row.across * velocity).sum(0)
+        dragging = jnp.clip(sideways - row.mass[1] * slip, -limit, limit)
+        velocity = velocity + row.dragged * (dragging - sideways)
         on_body += row.along * (lifting - pushing) + row.across * (dragging - sideways)
         return Motion(velocity, on_body), jnp.stack([lifting, dragging])
 

@@ -10,6 +10,7 @@ In a voxel of an odd column or row the colours lie mirrored; `mirror` says so.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,18 +30,23 @@ SQUARE_INERTIA = 1 / 6  # of a square about its centre, in m a^2
 class Lattice(eqx.Module):
     """A body: its voxels, and its rigid bodies by colour; lengths in sides of squares.
 
-    Rigid bodies of a colour are padded to as many as the colour with the most of them has.
+    Rigid bodies of a colour are padded to as many as the colour with the most of them has.  All
+    arrays have further leading axes where bodies are stacked.
     """
 
-    cell: Int[Array, "voxel 2"]  # column and row
-    used: Bool[Array, "voxel"]  # all but padding
-    mirror: Float[Array, "2 voxel"]  # 1, or -1 in odd columns (rows)
-    body: Int[Array, "colour voxel"]  # the rigid body that a voxel's square of a colour is part of
-    voxel: Int[Array, "colour body square"]  # of a rigid body's squares; as many as voxels: none
-    vertex: Float[Array, "2 colour body"]  # where the squares meet, in edges
-    centre: Float[Array, "2 colour body"]  # of mass, from the vertex, in sides of squares
-    squares: Float[Array, "colour body"]  # how many there are in it; padding has one
-    inertia: Float[Array, "colour body"]  # about its centre, in m a^2 of one square
+    cell: Int[Array, "*stack voxel 2"]  # column and row
+    used: Bool[Array, "*stack voxel"]  # all but padding
+    mirror: Float[Array, "*stack 2 voxel"]  # 1, or -1 in odd columns (rows)
+    body: Int[
+        Array, "*stack colour voxel"
+    ]  # the rigid body that a voxel's square of a colour is part of
+    voxel: Int[
+        Array, "*stack colour body square"
+    ]  # of a rigid body's squares; as many as voxels: none
+    vertex: Float[Array, "*stack 2 colour body"]  # where the squares meet, in edges
+    centre: Float[Array, "*stack 2 colour body"]  # of mass, from the vertex, in sides of squares
+    squares: Float[Array, "*stack colour body"]  # how many there are in it; padding has one
+    inertia: Float[Array, "*stack colour body"]  # about its centre, in m a^2 of one square
 
     def __repr__(self) -> str:
         return f"Lattice(voxels={self.voxels}, bodies={COLOURS} x {self.bodies})"
@@ -66,99 +72,115 @@ def lattice(cells: Int[np.ndarray, "voxel 2"]) -> Lattice:
         InvalidSettings: no cells, or the same one twice.
 
     """
-    cells = np.asarray(cells, int).reshape(-1, 2)
-    at = {(int(x), int(y)): voxel for voxel, (x, y) in enumerate(cells)}
-    if not at or len(at) < len(cells):
-        twice = next((tuple(c) for c in cells.tolist() if cells.tolist().count(c) > 1), None)
+    listed = [tuple(cell) for cell in np.asarray(cells).tolist()]
+    if not listed or len(set(listed)) < len(listed):
+        twice = next((cell for cell in listed if listed.count(cell) > 1), None)
         raise InvalidSettings(
             f"A body needs at least one cell, each once; {twice or 'none is given'}."
         )
-    parts = _rigid_bodies(at)
-    bodies, voxels = max(map(len, parts)), len(cells)
-    body = np.zeros((COLOURS, voxels), int)
-    voxel = np.full((COLOURS, bodies, COLOURS), voxels)
-    vertex, centre = np.zeros((2, 2, COLOURS, bodies))
-    squares, inertia = np.ones((COLOURS, bodies)), np.full((COLOURS, bodies), SQUARE_INERTIA)
-    for colour, of_colour in enumerate(parts):
-        for number, (corner, members) in enumerate(of_colour):
-            body[colour, members] = number
-            voxel[colour, number, : len(members)] = members
-            offset = cells[members] + 0.5 - corner  # of the squares from the vertex
-            middle = offset.mean(0)
-            vertex[:, colour, number], centre[:, colour, number] = corner, middle
-            squares[colour, number] = len(members)
-            inertia[colour, number] = len(members) * SQUARE_INERTIA + ((offset - middle) ** 2).sum()
-    return Lattice(
-        cell=jnp.asarray(cells, jnp.int32),
-        used=jnp.ones(voxels, bool),
-        mirror=jnp.asarray(1.0 - 2 * (cells.T % 2)),
-        body=jnp.asarray(body, jnp.int32),
-        voxel=jnp.asarray(voxel, jnp.int32),
-        vertex=jnp.asarray(vertex),
-        centre=jnp.asarray(centre),
-        squares=jnp.asarray(squares),
-        inertia=jnp.asarray(inertia),
+    return jax.tree.map(lambda leaf: leaf[0], lattices([np.asarray(cells)]))
+
+
+def lattices(bodies: Sequence[Int[np.ndarray, "voxel 2"]], voxels: int | None = None) -> Lattice:
+    """Lattices of many bodies, made equal in size by padding, with bodies as leading axis.
+
+    Padding voxels are lone ones that no rigid body knows, and count nowhere.
+
+    Args:
+        bodies: the cells of each (see `lattice`).
+        voxels: how many each has, padding included, and rigid bodies of a colour; None is as few of
+            both as will do.
+
+    """
+    most = max(map(len, bodies)) if voxels is None else voxels
+    cells, used = np.zeros((len(bodies), most, 2), np.int32), np.zeros((len(bodies), most), bool)
+    for index, body in enumerate(bodies):
+        cells[index, : len(body)] = body
+        used[index, : len(body)] = True
+    members = np.stack([_welded(cells, used, colour) for colour in range(COLOURS)], 1)
+    is_first = (members[..., 0] == np.arange(most)) & used[:, None]  # it stands for a rigid body
+    number: np.ndarray = np.take_along_axis(
+        is_first.cumsum(-1) - 1, np.minimum(members[..., 0], most - 1), axis=-1
     )
+    rigid = int(is_first.sum(-1).max()) if voxels is None else voxels
+    parts = _rigid_bodies(cells, members, is_first, number, rigid)
+    mirror = np.where(used[..., None], 1.0 - 2 * (cells % 2), 1.0)
+    body = np.where(used[:, None], number, 0)
+    return Lattice(
+        cell=jnp.asarray(cells),
+        used=jnp.asarray(used),
+        mirror=jnp.asarray(np.moveaxis(mirror, -1, 1)),
+        body=jnp.asarray(body, jnp.int32),
+        **{name: jnp.asarray(values) for name, values in parts.items()},
+    )
+
+
+def _vertex(cells: Int[np.ndarray, "*at 2"], colour: Any) -> Int[np.ndarray, "*at 2"]:
+    """The vertex of a colour of each voxel."""
+    return cells + (cells + PLACES[colour]) % 2
+
+
+def _welded(
+    cells: Int[np.ndarray, "body voxel 2"], used: Bool[np.ndarray, "body voxel"], colour: int
+) -> Int[np.ndarray, "body voxel square"]:
+    """The voxels whose squares are one rigid body with a voxel's of a colour, in order.
+
+    As many as voxels is nobody.
+    """
+    nobody = used.shape[1]
+    place = np.where(used[..., None], cells - cells[used].min(0) + 1, 0)  # nothing lies at 0
+    grid = np.full((len(cells), *(place.max((0, 1)) + 2)), nobody)
+    body, voxel = np.nonzero(used)
+    grid[body, place[body, voxel, 0], place[body, voxel, 1]] = voxel
+    (x, y), (to_x, to_y) = (
+        np.moveaxis(each, -1, 0) for each in (place, 2 * (_vertex(cells, colour) - cells) - 1)
+    )
+    of = np.arange(len(cells))[:, None]
+    beside, above = grid[of, x + to_x, y], grid[of, x, y + to_y]
+    across = np.where(np.minimum(beside, above) < nobody, grid[of, x + to_x, y + to_y], nobody)
+    itself = np.broadcast_to(np.arange(nobody), used.shape)
+    return np.sort(np.stack([itself, beside, above, across], -1), axis=-1)
 
 
 def _rigid_bodies(
-    at: dict[tuple[int, int], int],
-) -> list[list[tuple[tuple[int, int], list[int]]]]:
-    """Per colour, each rigid body: its vertex, and its voxels."""
-    parts: list[list[tuple[tuple[int, int], list[int]]]] = [[] for _ in range(COLOURS)]
-    for x, y in sorted({(i + int(dx), j + int(dy)) for i, j in at for dx, dy in PLACES}):
-        round_about = [(x - 1, y - 1), (x, y - 1), (x, y), (x - 1, y)]  # neighbours share faces
-        there = [cell in at for cell in round_about]
-        if there in ([True, False] * 2, [False, True] * 2):  # two that share the vertex alone
-            groups = [[cell] for cell in round_about if cell in at]
-        else:
-            groups = [[cell for cell in round_about if cell in at]]
-        colour = x % 2 + 2 * (y % 2)
-        parts[colour] += [((x, y), sorted(at[cell] for cell in group)) for group in groups]
-    return parts
-
-
-def pad(body: Lattice, voxels: int, bodies: int) -> Lattice:
-    """A body made larger by padding, which counts nowhere.
-
-    A padding voxel is a lone one that no rigid body knows; its squares follow the first rigid
-    body of each colour.
+    cells: Int[np.ndarray, "body voxel 2"],
+    members: Int[np.ndarray, "body colour voxel square"],
+    is_first: Bool[np.ndarray, "body colour voxel"],
+    number: Int[np.ndarray, "body colour voxel"],
+    rigid: int,
+) -> dict[str, np.ndarray]:
+    """The fields of `Lattice` that are about rigid bodies.
 
     Args:
-        body: the lattice.
-        voxels: how many the padded one has.
-        bodies: how many rigid bodies of each colour it has.
+        cells: of the voxels.
+        members: of the rigid body of each voxel's square of a colour.
+        is_first: whether a voxel is the first of those members.
+        number: of the rigid body.
+        rigid: how many of each colour there are, padding included.
 
     """
-    body = jax.tree.map(np.asarray, body)
-    more, room = voxels - body.voxels, bodies - body.bodies
-    none = np.where(body.voxel == body.voxels, voxels, body.voxel)
-
-    def wider(values: np.ndarray, fill: float = 0) -> np.ndarray:
-        return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, room)], constant_values=fill)
-
-    filled = Lattice(
-        cell=np.pad(body.cell, ((0, more), (0, 0))),
-        used=np.pad(body.used, (0, more)),
-        mirror=np.pad(body.mirror, ((0, 0), (0, more)), constant_values=1),
-        body=np.pad(body.body, ((0, 0), (0, more))),
-        voxel=np.pad(none, ((0, 0), (0, room), (0, 0)), constant_values=voxels),
-        vertex=wider(body.vertex),
-        centre=wider(body.centre),
-        squares=wider(body.squares, 1),
-        inertia=wider(body.inertia, SQUARE_INERTIA),
-    )
-    return jax.tree.map(jnp.asarray, filled)
-
-
-def most_bodies(voxels: int) -> int:
-    """How many rigid bodies of a colour any body of so many voxels may have: one in each voxel."""
-    return voxels
-
-
-def stack(lattices: Sequence[Lattice]) -> Lattice:
-    """Bodies made equal in size by padding, as one lattice with bodies as leading axis."""
-    voxels = max(each.voxels for each in lattices)
-    bodies = max(each.bodies for each in lattices)
-    padded = [pad(each, voxels, bodies) for each in lattices]
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *padded)
+    bodies, voxels = len(cells), cells.shape[1]
+    body, colour, first = np.nonzero(is_first)
+    listed = members[is_first]
+    is_there = (listed < voxels)[..., None]
+    vertex = _vertex(cells[body, first], colour)
+    middles = cells[body[:, None], np.minimum(listed, voxels - 1)] + 0.5
+    offset = np.where(is_there, middles - vertex[:, None], 0.0)  # of the squares' centres
+    count = is_there.sum((1, 2))
+    centre = offset.sum(1) / count[:, None]
+    spread = np.where(is_there, offset - centre[:, None], 0.0)
+    shape = bodies, COLOURS, rigid
+    found: dict[str, np.ndarray] = {
+        "voxel": np.full((*shape, COLOURS), voxels, np.int32),
+        "vertex": np.zeros((*shape, 2)),
+        "centre": np.zeros((*shape, 2)),
+        "squares": np.ones(shape),
+        "inertia": np.full(shape, SQUARE_INERTIA),
+    }
+    at = body, colour, number[is_first]
+    inertia = count * SQUARE_INERTIA + (spread**2).sum((1, 2))
+    for name, values in zip(found, (listed, vertex, centre, count, inertia), strict=True):
+        found[name][at] = values
+    for name in ("vertex", "centre"):
+        found[name] = np.moveaxis(found[name], -1, 1)
+    return found

@@ -131,7 +131,7 @@ def lengthened(
         group, side = jnp.divmod(number, len(SIDES))
         pair = jnp.asarray(SIDES)[side]
         at = squares(lattice, material, *place)
-        distance, n = _apart(at.between([pair[0]], [pair[1]])[:, 0])
+        distance, n = _apart(at.between(pair[:1], pair[1:])[:, 0])
         turns = [cross(at.lever[:, pair[end]], n) for end in range(2)]
         softness = sum(
             1 / mass[pair[end]] + turns[end] ** 2 / moment[pair[end]] for end in range(2)

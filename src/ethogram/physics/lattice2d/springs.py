@@ -42,22 +42,23 @@ class Spring(NamedTuple):
 
 @cache
 def springs(which: str) -> tuple[Spring, ...]:
-    """The springs of a voxel (figure 6.1 of the thesis): "all" 18, or the 6 of the "outline"."""
+    """The springs of a voxel (thesis, figure 6.1): "all" 18, or the 6 of the "outline".
+
+    Those between two squares on a side join a facing corner of each: outer corners, which lie on
+    the outline, inner ones, or one of each.
+    """
+    outer, inner = 1, -1
+    kinds = [(outer, outer, "side")]
+    if which == "all":
+        kinds += [(inner, inner, "side"), (outer, inner, "crossed"), (inner, outer, "crossed")]
     found = []
     for pair, (first, second) in enumerate(SIDES):
-        axis = 0 if SIGNS[first][0] != SIGNS[second][0] else 1
-        outward = int(SIGNS[first][1 - axis])
-
-        def anchors(lateral: tuple[int, int], axis: int = axis) -> list[tuple[int, int]]:
-            facing = (1, -1)
-            both = list(zip(facing, lateral, strict=True))
-            return [(a, b) if axis == 0 else (b, a) for a, b in both]
-
-        found.append(Spring(pair, *anchors((outward, outward)), "side"))
-        if which == "all":
-            found.append(Spring(pair, *anchors((-outward, -outward)), "side"))
-            found.append(Spring(pair, *anchors((outward, -outward)), "crossed"))
-            found.append(Spring(pair, *anchors((-outward, outward)), "crossed"))
+        is_level = SIGNS[first][0] != SIGNS[second][0]  # along x
+        outward = int(SIGNS[first][1 if is_level else 0])
+        for one, other, kind in kinds:
+            anchors = (1, one * outward), (-1, other * outward)  # along the side, across it
+            a, b = anchors if is_level else (anchors[0][::-1], anchors[1][::-1])
+            found.append(Spring(pair, a, b, kind))
     centre = (0, 0)
     found += [Spring(PAIRS.index(pair), centre, centre, "diagonal") for pair in DIAGONALS]
     return tuple(found)
@@ -122,7 +123,9 @@ def blocks(material: Material, at: Squares, control: Float[Array, "voxel *batch"
     stretch = length - jnp.stack([targets[spring.kind] for spring in listed])
     e = reduced * material.spring_pull * stretch
     # all that follows reads these, and would compute them again and again
-    n, turn_1, turn_2, k, e = lax.optimization_barrier((n, turn_1, turn_2, k, e))
+    n, turn_1, turn_2, k, e = lax.optimization_barrier(  # type: ignore[no-untyped-call]
+        (n, turn_1, turn_2, k, e)
+    )
     (x, y), k1, k2 = n, k * turn_1, k * turn_2
     return Blocks(
         linear=_by_pair(k * x * x, k * x * y, k * y * y),

@@ -14,8 +14,7 @@ from jaxtyping import Float, Int, Shaped
 from ethogram.physics.lattice2d.lattice import COLOURS, SIGNS, Lattice
 from ethogram.physics.lattice2d.material import Material
 
-OfBodies = Float[Array, "c colour body *batch"]
-OfSquares = Float[Array, "c colour voxel *batch"]
+Colours = Sequence[int] | Int[Array, "square"]
 
 
 class Squares(eqx.Module):
@@ -28,7 +27,7 @@ class Squares(eqx.Module):
     mirror: Float[Array, "2 voxel ..."]
 
     def corners(
-        self, colour: Sequence[int], signs: Sequence[tuple[int, int]]
+        self, colour: Colours, signs: Sequence[tuple[int, int]]
     ) -> Float[Array, "2 corner voxel *batch"]:
         """From the centres of squares to corners of them, m.
 
@@ -42,19 +41,17 @@ class Squares(eqx.Module):
         x, y = _at(self.across, colour)
         return jnp.stack([along * x - beside * y, along * y + beside * x])
 
-    def levers(self, colour: Sequence[int]) -> Float[Array, "2 square voxel *batch"]:
+    def levers(self, colour: Colours) -> Float[Array, "2 square voxel *batch"]:
         """From the centres of rigid bodies to those of squares of these colours, m."""
         return _at(self.lever, colour)
 
-    def between(
-        self, first: Sequence[int], second: Sequence[int]
-    ) -> Float[Array, "2 pair voxel *batch"]:
+    def between(self, first: Colours, second: Colours) -> Float[Array, "2 pair voxel *batch"]:
         """From the centres of squares of these colours to others of the same voxels, m."""
         at = self.moved + self.lever
         return _at(at, second) - _at(at, first) + (_at(self.rest, second) - _at(self.rest, first))
 
 
-def _at(values: Shaped[Array, "c colour ..."], colour: Sequence[int]) -> Array:
+def _at(values: Shaped[Array, "c colour ..."], colour: Colours) -> Array:
     """The values of colours, one after the other."""
     return jnp.stack([values[:, each] for each in colour], 1)
 
@@ -129,13 +126,13 @@ def _total(index: Int[Array, "*body square"], values: Shaped[Array, "c item *bat
     return sum(others, one)
 
 
-def rotated(turn: Float[Array, "2 *at"], vector: Float[Array, "2 *at"]) -> Float[Array, "2 *at"]:
+def rotated(turn: Float[Array, "2 *#at"], vector: Float[Array, "2 *#at"]) -> Float[Array, "2 ..."]:
     """A vector turned by an angle, of which cosine and sine are given."""
     (cosine, sine), (x, y) = turn, vector
     return jnp.stack([cosine * x - sine * y, sine * x + cosine * y])
 
 
-def cross(a: Float[Array, "2 *at"], b: Float[Array, "2 *at"]) -> Float[Array, "*at"]:
+def cross(a: Float[Array, "2 *#at"], b: Float[Array, "2 *#at"]) -> Float[Array, "..."]:
     """The product a x b of two vectors in the plane."""
     return a[0] * b[1] - a[1] * b[0]
 
@@ -147,7 +144,7 @@ def over_batch(values: Array, axes: int) -> Array:
 
 def area_ratio(material: Material, at: Squares) -> Float[Array, "voxel *batch"]:
     """Area of each voxel between its four outermost corners, over that at rest."""
-    corner = at.corners(range(COLOURS), SIGNS.tolist())
+    corner = at.corners(range(COLOURS), [(int(x), int(y)) for x, y in SIGNS])
     at_corner = at.moved + at.lever + (at.rest - at.rest[:, :1]) + corner
     diagonal = at_corner[:, 3] - at_corner[:, 0]
     other = at_corner[:, 2] - at_corner[:, 1]
