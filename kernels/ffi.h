@@ -83,16 +83,13 @@ class Call {
   int64_t bodies() const { return bodies_; }
 
   bool flag(const char* name) {
-    for (int64_t i = 0; !failed_ && i < frame_->attrs.size; i++) {
-      const XLA_FFI_ByteSpan* found = frame_->attrs.names[i];
-      if (found->len != strlen(name) || memcmp(found->ptr, name, found->len) != 0) continue;
-      const XLA_FFI_Scalar* scalar = static_cast<const XLA_FFI_Scalar*>(frame_->attrs.attrs[i]);
-      if (frame_->attrs.types[i] != XLA_FFI_AttrType_SCALAR ||
-          scalar->dtype != XLA_FFI_DataType_PRED)
-        return refuse("attribute %s: it should be a truth value", name), false;
-      return *static_cast<const uint8_t*>(scalar->value) != 0;
-    }
-    return refuse("there is no attribute %s", name), false;
+    const void* value = attribute(name, XLA_FFI_DataType_PRED, "a truth value");
+    return value && *static_cast<const uint8_t*>(value) != 0;
+  }
+
+  int64_t integer(const char* name) {
+    const void* value = attribute(name, XLA_FFI_DataType_S64, "an integer of 64 bits");
+    return value ? *static_cast<const int64_t*>(value) : 0;
   }
 
   void refuse(const char* format, ...) __attribute__((format(printf, 2, 3))) {
@@ -139,6 +136,18 @@ class Call {
     int64_t* variable_;
     int64_t value_;
   };
+
+  const void* attribute(const char* name, XLA_FFI_DataType type, const char* what) {
+    for (int64_t i = 0; !failed_ && i < frame_->attrs.size; i++) {
+      const XLA_FFI_ByteSpan* found = frame_->attrs.names[i];
+      if (found->len != strlen(name) || memcmp(found->ptr, name, found->len) != 0) continue;
+      const XLA_FFI_Scalar* scalar = static_cast<const XLA_FFI_Scalar*>(frame_->attrs.attrs[i]);
+      if (frame_->attrs.types[i] != XLA_FFI_AttrType_SCALAR || scalar->dtype != type)
+        return refuse("attribute %s: it should be %s", name, what), nullptr;
+      return scalar->value;
+    }
+    return refuse("there is no attribute %s", name), nullptr;
+  }
 
   template <class Number>
   Number* data(const char* kind, const char* name, void* any, const Size* sizes, int64_t own) {

@@ -1,10 +1,6 @@
 """The kernel written by hand does what the steps in JAX do, whichever of its variants runs."""
 
 import dataclasses
-import os
-import shutil
-import subprocess
-import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import Array, lax
 from tests.lacking import lacking
-from tests.physics.kernels import USABLE
+from tests.physics.kernels import FUSED, USABLE, assert_sound
 
 from ethogram.core.errors import EthogramError, InvalidSettings
 from ethogram.physics.beams3d import (
@@ -35,7 +31,6 @@ from ethogram.physics.beams3d import (
 )
 
 BEST = USABLE[0] if USABLE else "auto"
-FUSED = [name for name in USABLE if name in ("x86-64-v4", "x86-64-v3")]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -439,11 +434,11 @@ def test_the_kernel_itself_refuses_what_is_wrong() -> None:
 
 
 def test_other_platforms_than_cpus_get_the_steps_in_jax(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ethogram.physics.beams3d import simulate as module
+    from ethogram.physics import kernel_calls
 
     shape = body([(0, 0, 0), (1, 0, 0)])
     start, edges, gravity = at_rest(shape, Material()), jnp.full((1, 2), 0.01), pulls(1)
-    monkeypatch.setattr(sys.modules[module.__module__], "backends", lambda: ["cpu", "cuda"])
+    monkeypatch.setattr(kernel_calls, "backends", lambda: ["cpu", "cuda"])
 
     def run(edges: Array) -> Array:
         return simulate(shape, Material(), start, edges, gravity, kernel=BEST).position
@@ -457,58 +452,6 @@ def test_other_platforms_than_cpus_get_the_steps_in_jax(monkeypatch: pytest.Monk
     assert "ethogram_beams3d" not in programs["cuda"]
 
 
-CHECKED = """
-import ctypes, sys
-import jax, pytest
-from ethogram.physics.beams3d import kernel
-
-library = ctypes.CDLL(sys.argv[1])
-for symbol in kernel.SYMBOLS.values():
-    function = jax.ffi.pycapsule(getattr(library, symbol))
-    jax.ffi.register_ffi_target(f"checked_{symbol}", function, platform="cpu")
-plain = kernel.target
-
-def target(dtype, choice):
-    found = plain(dtype, choice)
-    return found and f"checked_{kernel.SYMBOLS[jax.numpy.dtype(dtype).name]}"
-
-kernel.target = target
-imported = "ignore::pytest.PytestAssertRewriteWarning"  # jaxtyping, before pytest could
-sys.exit(pytest.main([sys.argv[2], "-k", "not derivatives", "-W", imported]))
-"""
-
-
 @pytest.mark.slow
 def test_a_build_that_checks_memory_and_arithmetic_finds_nothing(tmp_path: Path) -> None:
-    """All fast tests of this file, under the address and the undefined behaviour sanitizer."""
-    root = Path(__file__).parents[2]
-    source, compiler = root / "kernels" / "beams3d.cpp", shutil.which("g++")
-    if compiler is None or not source.is_file():
-        pytest.skip("there is no g++, or no source of the kernel")
-    library, march = tmp_path / "checked.so", FUSED[-1] if FUSED else "x86-64"
-    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-O1", "-g")
-    flags = ("-std=c++17", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC")
-    include = ("-I", str(root / "kernels" / "vendored"), "-I", jax.ffi.include_dir())
-    build = [compiler, *sanitize, *flags, "-Wno-psabi", f"-march={march}", *include, str(source)]
-    subprocess.run([*build, "-o", str(library)], check=True, timeout=300)
-    first = [  # the second for the exceptions of others, which the first looks for at the start
-        subprocess.check_output([compiler, f"-print-file-name={name}"], text=True).strip()
-        for name in ("libasan.so", "libstdc++.so")
-    ]
-    environment = os.environ | {
-        "LD_PRELOAD": " ".join(first),
-        "ASAN_OPTIONS": "detect_leaks=0",
-        "PYTHONPATH": os.pathsep.join([str(root / "src"), str(root)]),
-    }
-    script = tmp_path / "checked.py"
-    script.write_text(CHECKED)
-    run = subprocess.run(
-        [sys.executable, str(script), str(library), __file__],
-        env=environment,
-        cwd=root,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-    )
-    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-3000:]
-    assert "passed" in run.stdout
+    assert_sound("beams3d", __file__, tmp_path)

@@ -15,12 +15,14 @@ import warnings
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 from ethogram.core.errors import EthogramError, UnknownName
 from ethogram.core.kernels import FLAGS, JAX
 
 VARIABLE = "ETHOGRAM_KERNEL"
 AUTO, NONE = "auto", "none"
+Kernel = Literal["auto", "none", "x86-64-v4", "x86-64-v3", "x86-64", "portable"]  # a choice
 FOLDER = Path(__file__).with_name("_native")
 CHECKOUT = Path(__file__).parents[3]  # of the sources, where Ethogram is used in place
 _CPUINFO = Path("/proc/cpuinfo")

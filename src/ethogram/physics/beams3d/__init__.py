@@ -18,11 +18,11 @@ gravity, materials, and bodies made equal in size by `stack` or `pad`.
 Precision is JAX's: 32 bits, or 64 where `jax_enable_x64` is set.
 """
 
-from ethogram.physics.beams3d.kernel import Kernel
 from ethogram.physics.beams3d.lattice import Lattice, Size, lattice, pad, stack
 from ethogram.physics.beams3d.material import Material
 from ethogram.physics.beams3d.motion import State, at_rest, centre, sensed_scale
 from ethogram.physics.beams3d.simulate import simulate
+from ethogram.physics.native import Kernel
 
 __all__ = [
     "Kernel",

@@ -11,7 +11,7 @@ nor on how many steps one call takes.
 """
 
 from functools import cache, partial
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -24,8 +24,8 @@ from ethogram.physics.beams3d.lanes import more_lanes
 from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Material
 from ethogram.physics.beams3d.motion import State
+from ethogram.physics.kernel_calls import more_bodies, with_bodies
 
-Kernel = Literal["auto", "none", "x86-64-v4", "x86-64-v3", "x86-64", "portable"]
 SYMBOLS = {"float32": "ethogram_beams3d_f32", "float64": "ethogram_beams3d_f64"}
 
 
@@ -78,23 +78,12 @@ def _simulation(name: str, floor: bool, bodies: bool, robots_first: bool, steps_
 
     def batched(size: int, is_batched: list[Any], *arguments: Any) -> tuple[Any, Any]:
         if any(jax.tree.leaves(is_batched[:2])):
-            return more_bodies(size, is_batched, arguments)
+            each = _simulation(name, floor, True, robots_first, steps_in_jax)
+            return more_bodies(each, size, is_batched, arguments, bodies=bodies)
         edge = arguments[3]
         if not robots_first and edge.ndim > bodies + 2 + is_batched[3]:
             return more_lanes(simulated, size, is_batched, arguments, bodies=int(bodies))
         return more_robots_first(size, is_batched, arguments)
-
-    def more_bodies(size: int, is_batched: list[Any], arguments: Any) -> tuple[Any, Any]:
-        def part(leaf: Array, leaf_is_batched: bool) -> Array:
-            if not leaf_is_batched:
-                leaf = jnp.broadcast_to(leaf, (size, *leaf.shape))
-            return leaf.reshape(-1, *leaf.shape[2:]) if bodies else leaf
-
-        each = _simulation(name, floor, True, robots_first, steps_in_jax)
-        after = each(*jax.tree.map(part, arguments, tuple(is_batched)))
-        if bodies:
-            after = jax.tree.map(lambda leaf: leaf.reshape(size, -1, *leaf.shape[1:]), after)
-        return after, jax.tree.map(lambda _: True, after)
 
     def more_robots_first(size: int, is_batched: list[Any], arguments: Any) -> tuple[Any, Any]:
         lattice, material, state, edge, gravity = arguments
@@ -170,7 +159,7 @@ def call(
         *before,
         edge,
         gravity,
-        (jax.vmap(numbers) if bodies else numbers)(material),
+        with_bodies(numbers, bodies)(material),
         lattice.first.voxel,
         lattice.second.voxel,
         lattice.axis,

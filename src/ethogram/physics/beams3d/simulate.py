@@ -13,7 +13,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jax.extend.backend import backends
 from jaxtyping import Float
 
 from ethogram.core.batching import plain_vmap, with_vmap_rule
@@ -23,6 +22,7 @@ from ethogram.physics.beams3d.lanes import more_lanes
 from ethogram.physics.beams3d.lattice import Lattice
 from ethogram.physics.beams3d.material import Material
 from ethogram.physics.beams3d.motion import State, step
+from ethogram.physics.kernel_calls import on_cpus
 
 
 def simulate(
@@ -61,12 +61,9 @@ def simulate(
     found: State
     if name is None:
         found = in_jax(*arguments)
-        return found
-    by_kernel = native_kernel.simulation(name, floor, _in_jax(floor))
-    if set(backends()) == {"cpu"}:  # nothing need be traced for other platforms
-        found = by_kernel(*arguments)
     else:
-        found = lax.platform_dependent(*arguments, cpu=by_kernel, default=in_jax)
+        by_kernel = native_kernel.simulation(name, floor, _in_jax(floor))
+        found = on_cpus(by_kernel, in_jax, *arguments)
     return found
 
 

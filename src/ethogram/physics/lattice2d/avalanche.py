@@ -7,6 +7,7 @@ The run ends at the first step without an active voxel.  The size of the avalanc
 voxels that were ever active, its duration the number of steps in which some voxel was.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,6 +15,8 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 from ethogram.core.settings import Number
+from ethogram.physics.kernel_calls import on_cpus
+from ethogram.physics.lattice2d import kernel as native_kernel
 from ethogram.physics.lattice2d.lattice import Lattice
 from ethogram.physics.lattice2d.material import Material
 from ethogram.physics.lattice2d.motion import State, at_rest, step
@@ -43,7 +46,12 @@ class Run(NamedTuple):
 
 
 def avalanches(
-    lattice: Lattice, material: Material, threshold: Number, *, longest: int = LONGEST
+    lattice: Lattice,
+    material: Material,
+    threshold: Number,
+    *,
+    longest: int = LONGEST,
+    kernel: str = "auto",
 ) -> Avalanches:
     """Sizes and durations of the avalanches that each voxel of a body starts.
 
@@ -52,8 +60,25 @@ def avalanches(
         material: of its voxels; the thesis' is `Material.soft()`.
         threshold: tau, the change of the area ratio in a step of which an active voxel has more.
         longest: steps after which a run is ended that has not stopped.
+        kernel: what does it on a CPU, as of `simulate.simulate`.  On a kernel, `jax.vmap` takes
+            one after the other.
+
+    Raises:
+        EthogramError: there is no such kernel.
 
     """
+    arguments = lattice, material, jnp.asarray(threshold, float)
+    name = native_kernel.target(arguments[-1].dtype, kernel, native_kernel.AVALANCHES)
+    in_jax = partial(_in_jax, longest=longest)
+    if name is None:
+        return Avalanches(*in_jax(*arguments))
+    return Avalanches(*on_cpus(native_kernel.avalanches(name, longest), in_jax, *arguments))
+
+
+def _in_jax(
+    lattice: Lattice, material: Material, threshold: Array, *, longest: int
+) -> tuple[Int[Array, "drive"], Int[Array, "drive"]]:
+    """Sizes and durations by the steps in JAX."""
     begun = start(lattice)
 
     def on(run: Run) -> Bool[Array, ""]:
@@ -62,7 +87,7 @@ def avalanches(
     run = lax.while_loop(on, lambda run: advanced(lattice, material, threshold, run)[0], begun)
     unfinished = run.step - NEVER_ACTIVE
     duration = jnp.where(run.running, unfinished + 1, run.duration)
-    return Avalanches(run.ever.sum(0), jnp.where(lattice.used, duration, 0))
+    return run.ever.sum(0, dtype=jnp.int32), jnp.where(lattice.used, duration, 0)
 
 
 def start(lattice: Lattice) -> Run:

@@ -1,8 +1,11 @@
 """Simulation: states and commands in, states out, for a block of robots and many steps.
 
 All that moves a body in the plane goes through `simulate`, or, one voxel driven at a time, through
-`avalanche.avalanches`.  `jax.vmap` over robots of one body lays them side by side as the last axis,
-however deep it is nested; over bodies, materials or terrains JAX does what it always does.
+`avalanche.avalanches`.  On a CPU a kernel written by hand does the steps (`kernel`), where there is
+one for the processor; elsewhere they are `motion.step` in JAX.  `jax.vmap` over robots of one body
+lays them side by side, however deep it is nested; over bodies, materials or terrains the kernel
+takes one after the other, and JAX does what it always does.  Derivatives are those of the steps in
+JAX.
 """
 
 from functools import partial
@@ -16,6 +19,8 @@ from jaxtyping import Float
 from ethogram.core.batching import plain_vmap, with_vmap_rule
 from ethogram.core.errors import InvalidSettings
 from ethogram.core.settings import Number
+from ethogram.physics.kernel_calls import on_cpus
+from ethogram.physics.lattice2d import kernel as native_kernel
 from ethogram.physics.lattice2d.contacts import POINTS, Terrain
 from ethogram.physics.lattice2d.lattice import COLOURS, Lattice
 from ethogram.physics.lattice2d.material import Material
@@ -31,6 +36,7 @@ def simulate(
     *,
     gravity: Number,
     terrain: Terrain | None = None,
+    kernel: str = "auto",
 ) -> State:
     """The state after as many steps of `material.time_step` as there are commands.
 
@@ -41,16 +47,26 @@ def simulate(
         control: of each voxel at each step: 1 contracts, -1 expands, 0 is at rest.
         gravity: acceleration downwards (m/s^2).
         terrain: what there is to touch; None is nothing.
+        kernel: what does it on a CPU: "auto" (the fastest kernel that there is for the processor,
+            or what the environment variable `ETHOGRAM_KERNEL` says), "none" (JAX), or a kernel by
+            its instruction set: "x86-64-v4", "x86-64-v3", "x86-64", "portable".
 
     Raises:
         InvalidSettings: an array is not of the shape or the type that it should be.
+        EthogramError: there is no such kernel.
 
     """
     control = _checked(lattice, state, control, terrain)
     if len(control) == 0:
         return state
     gravity = jnp.asarray(gravity, control.dtype)
-    found: State = _simulated(lattice, material, gravity, terrain, state, control)
+    arguments = lattice, material, gravity, terrain, state, control
+    name = native_kernel.target(control.dtype, kernel)
+    found: State
+    if name is None:
+        found = _simulated(*arguments)
+    else:
+        found = on_cpus(native_kernel.simulation(name, _steps), _simulated, *arguments)
     return found
 
 
@@ -68,7 +84,8 @@ def _checked(lattice: Lattice, state: State, control: Any, terrain: Terrain | No
         ("state.contact", state.contact, (POINTS if terrain else 0, 2, *bodies)),
         ("control", control, (*control.shape[:1], lattice.voxels, *batch)),
     ):
-        if array.shape != shape or not jnp.issubdtype(array.dtype, jnp.floating):
+        is_typed = array.dtype == dtype or array is control
+        if array.shape != shape or not (is_typed and jnp.issubdtype(array.dtype, jnp.floating)):
             raise InvalidSettings(
                 f"simulate: {name} has the shape {array.shape} and the type {array.dtype}; "
                 f"allowed: {shape} and {dtype}."
