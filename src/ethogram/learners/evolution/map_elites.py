@@ -187,9 +187,7 @@ class MAPElites(EvolutionaryLearner):
             diverged=evaluation.diverged.sum(),
         )
 
-    def cell_of(
-        self, descriptor: Float[Array, "candidate descriptor"]
-    ) -> Int[Array, "candidate"]:
+    def cell_of(self, descriptor: Float[Array, "candidate descriptor"]) -> Int[Array, "candidate"]:
         """The number of the cell that each descriptor falls into; 0 where it is not finite."""
         share = (descriptor - self.descriptor_low) / (self.descriptor_high - self.descriptor_low)
         share = jnp.nan_to_num(share, nan=0.0)
