@@ -10,14 +10,14 @@ show where they point, and left undecided.
 """
 
 from ethogram.campaign.study import Records
-from ethogram.core.findings import Claim
+from ethogram.core.findings import Claim, Side
 from ethogram.studies.chapter import attribute
 from ethogram.studies.criticality.condition import HAND_MADE, Condition
 from ethogram.studies.criticality.results import Results, score
 from ethogram.studies.statistics import ClaimSpec, Need, Part, Trials, difference, judge
 
 GENERATIONS, POPULATION = 200, 1000  # that the chapter speaks of
-SCORE, RANK = "score", "rank"  # units
+SCORE, RANK, VELOCITY = "score", "rank", "m/s"  # units
 STATED = "2026-11-30"
 EVOLVED, RND, PSRND = (Condition(name) for name in ("evolved", "rnd", "psrnd"))
 
@@ -28,15 +28,11 @@ def claims(records: Records) -> list[Claim]:
     return judge(
         [
             _evolved_most_critical(results),
-            _later(2, "Hand-made bodies take the first four places in locomotion.", "table 6.2"),
-            _later(3, "Hand-made bodies are poor at escape.", "table 6.2"),
-            _later(
-                4,
-                "The best average rank among evolved and hand-made bodies goes to an evolved one.",
-                "table 6.2",
-            ),
+            _first_in_locomotion(),
+            _poor_at_escape(),
+            _evolved_most_adaptable(),
             _random_more_critical(results),
-            _later(6, "With the neural controller evolved bodies lead.", "table 6.4"),
+            _evolved_lead_with_networks(),
         ]
     )
 
@@ -98,34 +94,79 @@ def _random_more_critical(results: Results) -> ClaimSpec:
                 margin=0.0,
                 unit=SCORE,
             ),
-            _rank(),
+            _unknown("average rank, best rnd - best evolved", RANK, "less than"),
         ),
         needs=(),
         stated=STATED,
     )
 
 
-def _later(number: int, statement: str, source: str) -> ClaimSpec:
-    """A claim about tasks."""
+def _first_in_locomotion() -> ClaimSpec:
     return ClaimSpec(
-        number=number,
-        statement=statement,
-        source=f"section 6.5.2, {source}",
-        test="To be stated before the tasks are run.",
-        parts=(_rank(),),
+        number=2,
+        statement="Hand-made bodies take the first four places in locomotion.",
+        source="section 6.5.2, table 6.2",
+        test="With the phase controller the velocity of each hand-made body, mean over runs, is "
+        "above that of the fastest evolved one.",
+        parts=tuple(
+            _unknown(f"velocity, {body} - fastest evolved", VELOCITY, "more than")
+            for body in HAND_MADE
+        ),
         needs=(),
         stated=STATED,
     )
 
 
-def _rank() -> Part:
-    return Part(
-        label="average rank over the tasks",
-        terms=((1.0, Trials("locomotion, jump and escape", None)),),
-        side="less than",
-        margin=0.0,
-        unit=RANK,
+def _poor_at_escape() -> ClaimSpec:
+    return ClaimSpec(
+        number=3,
+        statement="Hand-made bodies are poor at escape.",
+        source="section 6.5.2, table 6.2",
+        test="With the phase controller the velocity in escape of each hand-made body, mean over "
+        "runs, is below the mean of the evolved ones.",
+        parts=tuple(
+            _unknown(f"velocity in escape, {body} - mean of evolved", VELOCITY, "less than")
+            for body in HAND_MADE
+        ),
+        needs=(),
+        stated=STATED,
     )
+
+
+def _evolved_most_adaptable() -> ClaimSpec:
+    return ClaimSpec(
+        number=4,
+        statement="The best average rank among evolved and hand-made bodies goes to an evolved "
+        "one.",
+        source="section 6.5.2, table 6.2",
+        test="With the phase controller the least average rank over the three tasks of an evolved "
+        "body is below that of any hand-made one.",
+        parts=(_unknown("average rank, best evolved - best hand-made", RANK, "less than"),),
+        needs=(),
+        stated=STATED,
+    )
+
+
+def _evolved_lead_with_networks() -> ClaimSpec:
+    return ClaimSpec(
+        number=6,
+        statement="With the neural controller evolved bodies lead.",
+        source="section 6.5.2, table 6.4",
+        test="With the neural controller the mean of the evolved bodies' average ranks over the "
+        "three tasks is below that of the hand-made ones, and of the random ones.",
+        parts=(
+            _unknown("average rank, evolved - hand-made", RANK, "less than"),
+            _unknown("average rank, evolved - rnd", RANK, "less than"),
+        ),
+        needs=(),
+        stated=STATED,
+    )
+
+
+def _unknown(label: str, unit: str, side: Side) -> Part:
+    """What nothing has been run for yet."""
+    terms = ((1.0, Trials("the tasks locomotion, jump and escape", None)),)
+    return Part(label=label, terms=terms, side=side, margin=0.0, unit=unit)
 
 
 def _needs(results: Results) -> tuple[Need, ...]:

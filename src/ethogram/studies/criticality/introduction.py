@@ -21,6 +21,6 @@ INTRODUCTION = Introduction(
         "opt, rnd, psrnd": "evolved, random and pseudo-random bodies",
     },
     case="evolved-0",
-    frame=8,
-    caption="A pulse in one voxel of an evolved body. Active voxels are filled.",
+    frame=5,
+    caption="A pulse in one voxel of an evolved body. Coloured voxels are, or have been, active.",
 )

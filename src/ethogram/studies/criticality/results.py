@@ -51,9 +51,7 @@ def _together(parts: list[xr.Dataset]) -> xr.Dataset:
     if len(parts) == 1:
         return parts[0]
     most = max(data.sizes["voxel"] for data in parts)
-    padded = [
-        data.pad(voxel=(0, most - data.sizes["voxel"]), constant_values=0) for data in parts
-    ]
+    padded = [data.pad(voxel=(0, most - data.sizes["voxel"]), constant_values=0) for data in parts]
     whole = xr.concat(padded, "trial", combine_attrs="override")
     layers = " ".join(str(data.attrs["layers"]) for data in parts)
     return whole.assign_attrs(layers=layers)

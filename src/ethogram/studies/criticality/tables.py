@@ -11,6 +11,7 @@ from ethogram.studies.criticality.results import SQUARES, Results, Thresholds, s
 from ethogram.studies.statistics import Trials, measured
 from ethogram.worlds.softbody.criticality import THRESHOLD
 
+POWERS = (3, 4, 7)  # of ten, in which coefficients are printed
 RULED_OUT = 0.1  # a p-value below which a power law is (Clauset, Shalizi and Newman, 2009)
 
 
@@ -91,9 +92,9 @@ def _thresholds(results: Results) -> Table:
         chosen = zip(found.sides, found.chosen, strict=True)
         rows = [(f"tau of {side} x {side}", float(tau)) for side, tau in chosen]
         rows += [
-            (f"lambda {number}", Measured(value=float(value), published=printed))
-            for number, (value, printed) in enumerate(
-                zip(found.coefficients, THRESHOLD, strict=True), start=1
+            (f"lambda {number} (1e-{power})", _coefficient(value, printed, power))
+            for number, (value, printed, power) in enumerate(
+                zip(found.coefficients, THRESHOLD, POWERS, strict=True), start=1
             )
         ]
     return Table(
@@ -106,6 +107,12 @@ def _thresholds(results: Results) -> Table:
         columns=("quantity", "value"),
         rows=tuple(rows),
     )
+
+
+def _coefficient(value: float, printed: float, power: int) -> Measured:
+    """A coefficient in units of a power of ten, to ten decimals."""
+    scale = 10.0**power
+    return Measured(value=round(scale * float(value), 10), published=round(scale * printed, 10))
 
 
 def _evolution(results: Results) -> Table:

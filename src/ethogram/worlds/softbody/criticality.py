@@ -126,11 +126,11 @@ BLOCKS = (64, 8, 1)  # bodies of a call: few sizes, so that little is compiled
 
 
 def avalanches_of(
-    bodies: Sequence[Int[np.ndarray, "voxel 2"]],
+    bodies: Sequence[Int[np.ndarray, "_ 2"]],
     thresholds: Sequence[float] | None = None,
     *,
     kernel: str = "auto",
-) -> list[tuple[Int[np.ndarray, "drive"], Int[np.ndarray, "drive"]]]:
+) -> list[tuple[Int[np.ndarray, "_"], Int[np.ndarray, "_"]]]:
     """Sizes and durations of the avalanches of many bodies, one for each voxel that is driven.
 
     Bodies of one number of voxels are simulated together.
