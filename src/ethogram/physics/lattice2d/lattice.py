@@ -81,7 +81,7 @@ def lattice(cells: Int[np.ndarray, "voxel 2"]) -> Lattice:
     return jax.tree.map(lambda leaf: leaf[0], lattices([np.asarray(cells)]))
 
 
-def lattices(bodies: Sequence[Int[np.ndarray, "voxel 2"]], voxels: int | None = None) -> Lattice:
+def lattices(bodies: Sequence[Int[np.ndarray, "_ 2"]], voxels: int | None = None) -> Lattice:
     """Lattices of many bodies, made equal in size by padding, with bodies as leading axis.
 
     Padding voxels are lone ones that no rigid body knows, and count nowhere.
