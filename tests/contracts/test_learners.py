@@ -16,7 +16,7 @@ from ethogram.learners.action_heads import encoded_action
 from ethogram.learners.base import Learner, undefined_metrics
 from ethogram.learners.distributions import epsilon_greedy, gumbel_softmax
 from ethogram.learners.dynamic_programming import MonteCarloControl
-from ethogram.learners.evolution import AgeFitness, Evaluation
+from ethogram.learners.evolution import CMAES, AgeFitness, Evaluation, Genetic, MAPElites
 from ethogram.learners.maddpg import MADDPG
 from ethogram.learners.ppo import PPO
 from ethogram.learners.qlearning import QLearning
@@ -34,11 +34,14 @@ class Sphere(eqx.Module):
     def __call__(self, key, genomes):
         del key
         fitness = -(genomes**2).sum(-1)
-        return Evaluation(fitness, jnp.zeros(fitness.shape, bool))
+        return Evaluation(fitness, jnp.zeros(fitness.shape, bool), descriptor=genomes)
+
+
+LINE = SearchSpace(*np.array([[-1.0], [1.0], [-1.0], [1.0]]))
 
 
 def age_fitness(size=4):
-    return AgeFitness(SearchSpace(*np.array([[-1.0], [1.0], [-1.0], [1.0]])), Sphere(), size)
+    return AgeFitness(LINE, Sphere(), size)
 
 
 def made(name, pay=PAY):
@@ -47,6 +50,12 @@ def made(name, pay=PAY):
     match name:
         case "age_fitness":
             return age_fitness()
+        case "cmaes":
+            return CMAES(LINE, Sphere())
+        case "genetic":
+            return Genetic(LINE, Sphere(), population_size=4, children=4)
+        case "map_elites":
+            return MAPElites(LINE, Sphere(), cells=3, initial_size=4, batch_size=4)
         case "maddpg":
             return MADDPG(Duet(pay[0]), **small, buffer_size=64, hidden_size=3)
         case "monte_carlo":

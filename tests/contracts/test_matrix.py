@@ -16,7 +16,7 @@ from ethogram.core.wrappers import GivenPolicies
 from ethogram.learners import LEARNERS
 from ethogram.learners.base import undefined_metrics
 from ethogram.learners.dynamic_programming import MonteCarloControl
-from ethogram.learners.evolution import AgeFitness
+from ethogram.learners.evolution import EvolutionaryLearner
 from ethogram.learners.fitness import PolicyFitness
 from ethogram.learners.maddpg import MADDPG
 from ethogram.learners.ppo import PPO
@@ -60,14 +60,21 @@ SMALL[SCRIPTED] = among_human_drivers(cars=2, max_cars=2, humans=2, steps=4)
 
 def knows_spaces(name):
     """What `wrap_for` takes for a learner: evolution knows a world by its fitness only."""
-    return PolicyFitness if name == "age_fitness" else LEARNERS[name]
+    is_evolution = issubclass(LEARNERS[name], EvolutionaryLearner)
+    return PolicyFitness if is_evolution else LEARNERS[name]
 
 
 def small_learner(name, world):
     match name:
-        case "age_fitness":
+        case "age_fitness" | "cmaes" | "genetic" | "map_elites":
+            small = {
+                "age_fitness": {"population_size": 3},
+                "cmaes": {"population_size": 3, "covariance": "separable"},
+                "genetic": {"population_size": 3, "children": 3},
+                "map_elites": {"cells": 4, "initial_size": 3, "batch_size": 3},
+            }
             fitness = PolicyFitness(world, hidden_size=2)
-            return AgeFitness(fitness.search_space, fitness, population_size=3)
+            return LEARNERS[name](fitness.search_space, fitness, **small[name])
         case "maddpg":
             small = {"batch_size": 2, "learning_starts": 0, "episodes_per_update": 1}
             return MADDPG(world, **small, buffer_size=8, hidden_size=2)

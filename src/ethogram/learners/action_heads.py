@@ -82,6 +82,16 @@ def decoded_action(space: Space, encoded: Float[Array, "*batch feature"]) -> Arr
     return encoded.reshape(*encoded.shape[:-1], *space.shape)
 
 
+def action_shares(
+    space: Space, encoded: Float[Array, "*batch feature"]
+) -> Float[Array, "*batch feature"]:
+    """An encoded action as numbers from 0 to 1: weights of choices, or where in the box it is."""
+    if not isinstance(space, Box):
+        return encoded
+    low, high = _bounds(space)
+    return jnp.where(high > low, (encoded - low) / jnp.where(high > low, high - low, 1.0), 0.0)
+
+
 def squash(space: Box, outputs: Float[Array, "*batch output"]) -> Float[Array, "*batch output"]:
     """Outputs as numbers within the bounds of a box; padding is 0."""
     low, high = _bounds(space)

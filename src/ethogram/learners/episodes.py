@@ -145,12 +145,26 @@ def returns_of_policy(world: World, policy: Policy, key: Key[Array, "episode"]) 
         key: one per episode, consumed; the same key gives the same episode.
 
     """
+    return episode_returns(rewards_of_policy(world, policy, key))
+
+
+def rewards_of_policy(
+    world: World, policy: Policy | PolicyWithExtras, key: Key[Array, "episode"]
+) -> Transition:
+    """Whole episodes of which rewards, ends and the policy's extras are kept.
+
+    Args:
+        world: any world.
+        policy: as `rollout` takes it.
+        key: one per episode, consumed; the same key gives the same episode.
+
+    """
 
     def play(key: Key[Array, ""]) -> Transition:
         kept: Transition = rollout(world, policy, key, world.horizon, keep=_rewards)[1]
         return kept
 
-    return episode_returns(jax.vmap(play)(key))
+    return jax.vmap(play)(key)
 
 
 def _rewards(transition: Transition) -> Transition:

@@ -11,13 +11,14 @@ from jaxtyping import Float, Key
 from pydantic import Field
 
 from ethogram.core.module import Module
-from ethogram.core.rollout import Policy
+from ethogram.core.rollout import Policy, PolicyWithExtras
 from ethogram.core.search_space import SearchSpace
 from ethogram.core.settings import setting
 from ethogram.core.specs import role_specs
 from ethogram.core.world import PerRole, World
 from ethogram.learners.action_heads import (
     HEADS,
+    action_shares,
     decoded_action,
     encoded_action,
     reachable,
@@ -25,9 +26,11 @@ from ethogram.learners.action_heads import (
 )
 from ethogram.learners.base import Spaces
 from ethogram.learners.critic_input import encode_observations
-from ethogram.learners.episodes import returns_of_policy
+from ethogram.learners.episodes import episode_returns, rewards_of_policy
 from ethogram.learners.evolution.base import Evaluation
 from ethogram.learners.networks import MLP, feature_count, used_features
+
+DESCRIPTORS = 2  # of behaviour; fewer where actions have fewer numbers
 
 
 class PolicyFitness(Module):
@@ -36,6 +39,10 @@ class PolicyFitness(Module):
     A genome holds the parameters of all networks.  Policies draw nothing: weights of choices are
     the softmax of the outputs, choices the largest, boxes squashed (see `action_heads`).
     All candidates of a generation play the same episodes (common random numbers).
+
+    A candidate's descriptor is how it acts: the first two numbers of an action as a network reads
+    it, those of the roles one after the other, each the mean over agents, steps and episodes.  Of
+    choices they are how often each is made, of a box where in its range the action is.
 
     Attributes:
         world: any whose actions are `Discrete`, `Simplex`, or a `Box` with finite bounds.
@@ -80,30 +87,42 @@ class PolicyFitness(Module):
         return SearchSpace(-drawn, drawn, -limit, limit)
 
     def __call__(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
-        """The fitness of candidates, all in the same episodes."""
+        """The fitness and the descriptor of candidates, all in the same episodes."""
         keys = jax.random.split(key if self.key is None else self.key, self.episodes)
 
-        def mean_return(genome: Float[Array, "gene"]) -> Float[Array, ""]:
-            returns = returns_of_policy(self.world, self.policy(genome), keys)
-            return jnp.concatenate([*returns.values()], -1).mean()
+        def judge(genome: Float[Array, "gene"]) -> tuple[Array, Array]:
+            played = rewards_of_policy(self.world, self._described(genome), keys)
+            returns = jnp.concatenate([*episode_returns(played).values()], -1).mean()
+            ends = played.episode_end
+            counted = (jnp.cumsum(ends, -1) - ends == 0)[..., None]
+            shares = jnp.where(counted, played.extras, 0.0).sum((0, 1)) / counted.sum()
+            return returns, shares
 
-        fitness = jax.vmap(mean_return)(genomes)
-        return Evaluation(fitness, ~jnp.isfinite(fitness))
+        fitness, descriptor = jax.vmap(judge)(genomes)
+        return Evaluation(fitness, ~jnp.isfinite(fitness), descriptor)
 
     def policy(self, genome: Float[Array, "gene"]) -> Policy:
         """How the networks act whose parameters are a genome."""
+        act = self._described(genome)
+        return lambda key, observation: act(key, observation)[0]
+
+    def _described(self, genome: Float[Array, "gene"]) -> PolicyWithExtras:
+        """The policy, with the first numbers of what all agents do, from 0 to 1, their mean."""
         roles = self.world.roles
         networks = self._networks(genome)
 
-        def act(key: Key[Array, ""], observation: PerRole) -> PerRole:
+        def act(key: Key[Array, ""], observation: PerRole) -> tuple[PerRole, Array]:
             del key
             encoded = encode_observations(roles, observation)
-            action = {}
+            action, shares, used = {}, [], []
             for name, role in roles.items():
                 outputs = reachable(role.action, networks[name](encoded[name]))
                 whole = encoded_action(role.action, None, outputs, 1.0)
                 action[name] = decoded_action(role.action, whole)
-            return action
+                shares.append(action_shares(role.action, whole).mean(0))
+                used.append(used_features(role.action))
+            first = jnp.argsort(~jnp.concatenate(used), stable=True)[:DESCRIPTORS]
+            return action, jnp.concatenate(shares)[first]
 
         return act
 

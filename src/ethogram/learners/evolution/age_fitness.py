@@ -24,22 +24,15 @@ from jaxtyping import Float, Int, Key
 from pydantic import Field
 
 from ethogram.core.memory import require_memory
-from ethogram.core.module import Module
-from ethogram.core.rollout import Policy
-from ethogram.core.search_space import SearchSpace
 from ethogram.core.settings import Number, setting
 from ethogram.learners.base import Metrics
 from ethogram.learners.evolution.base import (
     Evaluation,
-    Fitness,
+    EvolutionaryLearner,
     fitness_metrics,
-    genome_policy,
-    require_fitness,
     with_worst,
 )
 from ethogram.learners.evolution.pareto import dominance, fronts
-
-_EVALUATION = 0  # folded into a generation's key, for what chance there is in fitness
 
 
 class Population(eqx.Module):
@@ -51,7 +44,7 @@ class Population(eqx.Module):
     diverged: Int[Array, ""]  # of the candidates that were evaluated last
 
 
-class AgeFitness(Module):
+class AgeFitness(EvolutionaryLearner):
     """Algorithm 2 for any fitness function.
 
     Candidates that diverge, or whose fitness is not finite, get the worst fitness, are counted, and
@@ -67,15 +60,9 @@ class AgeFitness(Module):
 
     """
 
-    search_space: SearchSpace
-    fitness: Fitness
     population_size: int = setting(30, Annotated[int, Field(ge=1, le=100_000)], static=True)
     mutation_probability: Number | None = setting(None, Annotated[float, Field(ge=0, le=1)] | None)
     mutation_scale: Number = setting(1.0, Annotated[float, Field(ge=0)])
-
-    def __check_init__(self) -> None:
-        """Refuse a fitness that does not say what it is."""
-        require_fitness(self.fitness)
 
     def init(self, key: Key[Array, ""]) -> Population:
         """A random population of age 0; its metrics are those of `metrics`.
@@ -89,27 +76,10 @@ class AgeFitness(Module):
             f"Evolution of {size:,} individuals of {genes} genes", generation_bytes(size, genes)
         )
         genome = self.search_space.sample(key, size)
-        evaluation = self._evaluate(key, genome)
+        evaluation = self.evaluate(key, genome)
         return Population(
             genome, jnp.zeros(size, jnp.int32), evaluation.fitness, evaluation.diverged.sum()
         )
-
-    def update(self, key: Key[Array, ""], state: Population) -> tuple[Population, Metrics]:
-        """One generation; returns the next population and its `metrics`."""
-        for_offspring, for_ties = jax.random.split(key)
-        candidates = self.ask(for_offspring, state)
-        state = self.tell(for_ties, state, candidates, self._evaluate(key, candidates))
-        return state, self.metrics(state)
-
-    def policy(self, state: Population, *, explore: bool = False) -> Policy:
-        """How the best individual acts; exploring is done by mutation, never in a world.
-
-        Raises:
-            EthogramError: the fitness makes no policy of a genome.
-
-        """
-        del explore
-        return genome_policy(self.fitness, best(state)[0])
 
     def metrics(self, state: Population) -> Metrics:
         """The numbers of a generation.
@@ -117,7 +87,7 @@ class AgeFitness(Module):
         The `best` fitness, also as `episode_return`; the `mean` of those that did not diverge (0 if
         all did); the `age` of the best; how many of the candidates evaluated last have `diverged`.
         """
-        return fitness_metrics(state.fitness) | {
+        return fitness_metrics(state.fitness.max(), state.fitness) | {
             "age": state.age[state.fitness.argmax()],
             "diverged": state.diverged,
         }
@@ -160,9 +130,6 @@ class AgeFitness(Module):
         kept = jnp.lexsort((chance, -fitness, front))[: self.population_size]
         return Population(genome[kept], age[kept], fitness[kept], evaluation.diverged.sum())
 
-    def _evaluate(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
-        return with_worst(self.fitness(jax.random.fold_in(key, _EVALUATION), genomes))
-
 
 def generation_bytes(population_size: int, genes: int) -> int:
     """Memory of a generation: old and new genomes, twice, and who surpasses whom.
@@ -171,9 +138,3 @@ def generation_bytes(population_size: int, genes: int) -> int:
     """
     candidates = 2 * population_size + 1
     return candidates * (2 * 4 * genes + 2 * candidates)
-
-
-def best(state: Population) -> tuple[Float[Array, "gene"], Float[Array, ""]]:
-    """Genome and fitness of the fittest individual."""
-    fittest = state.fitness.argmax()
-    return state.genome[fittest], state.fitness[fittest]

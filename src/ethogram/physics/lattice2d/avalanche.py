@@ -1,4 +1,4 @@
-"""Avalanches: how far a pulse in one voxel spreads (thesis, section 6.3.3).
+"""Avalanches: how far a pulse in one voxel spreads (thesis, section 6.4.1).
 
 For each voxel in turn, a fresh body of the soft material, free of gravity, in which that voxel
 alone is driven: contracted for 12 steps, expanded for 12, then left alone.  A voxel is active while

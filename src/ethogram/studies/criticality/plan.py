@@ -1,0 +1,118 @@
+"""Settings, conditions and plans of the study: what is run, and at what price."""
+
+import dataclasses
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from ethogram.campaign.case import Case
+from ethogram.campaign.plan import Plan
+from ethogram.core.search_space import SearchSpace
+from ethogram.core.settings import settings_class, settings_of
+from ethogram.learners.evolution import Genetic
+from ethogram.learners.evolution.base import Fitness
+from ethogram.studies.criticality.condition import Condition
+from ethogram.worlds.softbody.growth import require_room
+
+NAME = "criticality"
+VERSION = "1"  # goes up whenever the same settings would give other numbers
+
+Bodies = Literal["thresholds", "hand_made", "psrnd", "rnd", "evolved", "minimised"]
+EVOLVED: tuple[Bodies, ...] = ("evolved", "minimised")
+
+if TYPE_CHECKING:
+
+    class LearnerSettings(Genetic):
+        """Those of the evolution, without what it searches."""
+
+        search_space: SearchSpace = field(init=False)
+        fitness: Fitness = field(init=False)
+
+else:
+    LearnerSettings = settings_of(Genetic)
+
+
+@settings_class
+class Settings:
+    """Everything that fixes a case's numbers."""
+
+    bodies: Bodies = "evolved"
+    voxels: Annotated[int, Field(ge=1, le=1000)] = 20  # of a body, at least
+    grid: Annotated[int, Field(ge=1, le=200)] = 20  # side of the grid of genes, cells
+    learner: LearnerSettings = Field(default_factory=LearnerSettings)
+    generations: Annotated[int, Field(ge=0, le=1_000_000)] = 200
+    trials: Annotated[int, Field(ge=1, le=100_000)] = 10  # runs, or bodies that are drawn
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+_BASELINES: tuple[Bodies, ...] = ("thresholds", "hand_made", "psrnd", "rnd")
+
+PLANS = {
+    "smoke": Plan(
+        name="smoke",
+        description="Small bodies, for a moment, to see that everything works.",
+        settings=Settings(
+            voxels=5,
+            grid=5,
+            learner=LearnerSettings(population_size=6, children=6, tournament_size=2),
+            generations=2,
+            trials=2,
+        ),
+        grid={"bodies": ("psrnd", "rnd", "evolved")},
+    ),
+    "quick": Plan(
+        name="quick",
+        description="Bodies drawn, made by hand, and evolved in five runs of thirty generations of "
+        "two hundred.",
+        settings=Settings(
+            learner=LearnerSettings(population_size=200, children=200), generations=30, trials=5
+        ),
+        grid={"bodies": ("evolved", *_BASELINES)},
+    ),
+    "thesis": Plan(
+        name="thesis",
+        description="Section 6.5.1: ten runs of two hundred generations of a thousand bodies, and "
+        "the baselines. The tasks of section 6.5.2 are not among it yet.",
+        settings=Settings(),
+        grid={"bodies": ("evolved", *_BASELINES)},
+    ),
+    "controls": Plan(
+        name="controls",
+        description="Beyond the thesis: bodies evolved for the least criticality, in ten runs of "
+        "fifty generations, beside bodies evolved for the greatest.",
+        settings=Settings(generations=50),
+        grid={"bodies": (*EVOLVED, "rnd")},
+    ),
+}
+
+
+def condition_of(settings: Settings) -> Condition:
+    """The cell of the campaign that settings belong to."""
+    return Condition(settings.bodies)
+
+
+def cases(plan: Plan[Settings]) -> list[Case]:
+    """One case per way to come by bodies.
+
+    Raises:
+        InvalidSettings: the grid cannot hold a body.
+
+    """
+    points = plan.points()
+    for point in points:
+        require_room(point.grid**2, point.voxels)
+    return [
+        Case.of(study=NAME, version=VERSION, name=condition_of(point).name, settings=point)
+        for point in points
+    ]
+
+
+def learner_of(settings: Settings, fitness: Fitness) -> Genetic:
+    """The genetic algorithm of a case: a gene for each cell, drawn from 0 to 1, without limits."""
+    import numpy as np
+
+    cells = settings.grid**2
+    limit = np.full(cells, np.inf)
+    space = SearchSpace(np.zeros(cells), np.ones(cells), -limit, limit)
+    return Genetic(space, fitness, **dataclasses.asdict(settings.learner))
