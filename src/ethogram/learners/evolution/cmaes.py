@@ -126,9 +126,7 @@ class CMAES(EvolutionaryLearner):
         None, Literal["full", "separable", "isotropic"] | None, static=True
     )
     active: bool = setting(True, bool, static=True)
-    flat_share: float | None = setting(
-        0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True
-    )
+    flat_share: float | None = setting(0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True)
     restarts: bool = setting(False, bool, static=True)
 
     @property
@@ -273,9 +271,7 @@ class CMAES(EvolutionaryLearner):
 
         return lax.cond(in_any_copy(over), anew, lambda: state)
 
-    def _sigma_path(
-        self, state: CMAESState, step: Float[Array, "gene"]
-    ) -> Float[Array, "gene"]:
+    def _sigma_path(self, state: CMAESState, step: Float[Array, "gene"]) -> Float[Array, "gene"]:
         """p_sigma after a step of the mean, which is whitened."""
         of = self.parameters
         gain = (of.c_sigma * (2 - of.c_sigma) * of.effective_parents) ** 0.5
