@@ -166,8 +166,8 @@ class CMAES(EvolutionaryLearner):
         """The numbers of a generation.
 
         The `best` fitness ever, also as `episode_return`; the `mean` of the candidates that did not
-        diverge (0 if all did); `sigma`; the `condition` of C, its largest eigenvalue over its least;
-        how many candidates have `diverged`; how many `restarts` there were.
+        diverge (0 if all did); `sigma`; the `condition` of C, its largest eigenvalue over its
+        least; how many candidates have `diverged`; how many `restarts` there were.
         """
         values = state.covariance.eigenvalues()
         return fitness_metrics(state.best_ever.fitness, state.fitness) | {
