@@ -3,7 +3,7 @@
     pip install -e '.[dev]'  # the peers among it; one that is missing is left out
     python benchmarks/cma_es.py [--cores 2] [--json FILE]
 
-A generation asks for 4 + floor(3 ln n) candidates, evaluates the sphere for all of them at once, and
+A generation asks for 4 + floor(3 ln n) candidates, evaluates the sphere for all at once, and
 tells; a full covariance is decomposed as often as each side's rule has it.  Ours goes by a compiled
 loop, as in training, alone and, as `10 runs`, side by side; compiling is not counted.  The peers
 are used as their pages say, in NumPy.  At 5252 genes, a network that drives a robot of the thesis,

@@ -45,7 +45,7 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.batching import in_any_copy
+from ethogram.core.batching import in_any_copy, take
 from ethogram.core.memory import require_memory
 from ethogram.core.settings import Number, Positive, setting
 from ethogram.learners.base import Metrics
@@ -194,7 +194,7 @@ class CMAES(EvolutionaryLearner):
         evaluation = with_worst(evaluation)
         fitness, generation = evaluation.fitness, state.generation + 1
         rank = jnp.argsort(best_first(key, fitness))
-        weights = jnp.asarray(self.parameters.weights, jnp.float32)[rank]  # w_i, as i:lambda
+        weights = take(jnp.asarray(self.parameters.weights, jnp.float32), rank)  # w_i, as i:lambda
         y = (candidates - state.mean) / state.sigma
         z = state.covariance.whitened(y)
 
