@@ -22,6 +22,7 @@ from ethogram.learners.train import train
 RUNS, GENES, SIGMA = 20, 10, 0.5
 SIZE = 10  # 4 + floor(3 ln 10), in all packages
 TARGET = -1e-6
+OLD_RATE = 1.4830 / 1.7330  # `cma` has a quarter more in c_mu's mu_eff - 2 + 1 / mu_eff (eq. 58)
 PLATEAU_GENES, RADIUS, DISTANCE = 2, 1.25, 2.0
 PLATEAU_SIZE, PLATEAU_EVALUATIONS = 6, 4000
 
@@ -36,12 +37,13 @@ def peers():
     except ImportError as error:
         lacking(f"The packages cma and cmaes are needed: {error}.")
 
-    def of_cma(mean, seed, separable, active=True):
-        options = {"CMA_diagonal": separable, "CMA_active": active}
-        return cma.CMAEvolutionStrategy(mean, SIGMA, options | {"verbose": -9, "seed": seed + 1})
+    def of_cma(mean, seed, separable, **changes):
+        options = {"CMA_diagonal": separable, "verbose": -9, "seed": seed + 1}
+        return cma.CMAEvolutionStrategy(mean, SIGMA, options | changes)
 
     def without_negative_weights(mean, seed, separable):
-        return of_cma(mean, seed, separable, active=False)
+        changes = {"CMA_active": False, "CMA_rankmu": OLD_RATE}
+        return of_cma(mean, seed, separable, **changes)
 
     def of_cmaes(mean, seed, separable):
         kind = cmaes.SepCMA if separable else cmaes.CMA
