@@ -27,9 +27,8 @@ from ethogram.physics.lattice2d import (
     at_rest,
     avalanches,
     lattice,
-    pad,
+    lattices,
     simulate,
-    stack,
 )
 from ethogram.physics.lattice2d.squares import area_ratio, squares
 
@@ -56,22 +55,31 @@ def body(cells: Any) -> Lattice:
     return lattice(np.array(cells))
 
 
-def drawn(rows: list[str]) -> Lattice:
-    """A body as it is written, from top to bottom; voxels from bottom to top."""
-    height = len(rows)
-    cells = [(x, height - 1 - y) for y in reversed(range(height)) for x in range(len(rows[0]))]
-    return body([(x, y) for x, y in cells if rows[height - 1 - y][x] == "#"])
+def drawn(rows: list[str]) -> np.ndarray:
+    """Cells of a body as it is written, the bottom row first."""
+    return np.array(
+        [(x, y) for y, row in enumerate(reversed(rows)) for x, c in enumerate(row) if c == "#"]
+    )
 
 
-def random_body(voxels: int, seed: int) -> Lattice:
-    rng = np.random.default_rng(seed)
+def random_cells(voxels: int) -> np.ndarray:
+    rng = np.random.default_rng(voxels)
     cells = {(0, 0)}
     while len(cells) < voxels:
         cell = list(sorted(cells)[rng.integers(len(cells))])
         cell[rng.integers(2)] += rng.choice([-1, 1])
         cells.add(tuple(cell))
     found = np.array(sorted(cells))
-    return body(found - found.min(0))
+    return found - found.min(0)
+
+
+def alone(shapes: Lattice, number: int) -> Lattice:
+    return jax.tree.map(itemgetter(number), shapes)
+
+
+def rigid_bodies(shape: Lattice) -> np.ndarray:
+    """Which are no padding."""
+    return np.asarray(shape.voxel[..., 0] < shape.voxels)
 
 
 def valley() -> Terrain:
@@ -152,7 +160,7 @@ def tau(voxels: int) -> float:
 @pytest.mark.parametrize("kernel", USABLE)
 def test_avalanches_of_the_hand_made_bodies_are_those_of_the_reference(kernel: str) -> None:
     """But of two voxels of the biped, which are within 1e-5 of the threshold."""
-    stacked = stack([drawn(each["rows_top_to_bottom"]) for each in BODIES.values()])
+    stacked = lattices([drawn(each["rows_top_to_bottom"]) for each in BODIES.values()])
 
     def of(shape: Lattice) -> Any:
         return avalanches(shape, Material.soft(), tau(20), kernel=kernel)
@@ -166,24 +174,24 @@ def test_avalanches_of_the_hand_made_bodies_are_those_of_the_reference(kernel: s
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_avalanches_are_the_same_in_any_company_and_padding_has_none(dtype: Any) -> None:
-    shapes = [random_body(voxels, voxels) for voxels in (5, 20)]
+    cells = [random_cells(voxels) for voxels in (5, 20)]
     with jax.enable_x64(dtype == jnp.float64):
 
         @jax.jit
         def of(shape: Lattice, threshold: Any) -> Any:
             return avalanches(shape, Material.soft(), threshold, kernel=BEST)
 
-        shapes, stacked = in_type((shapes, stack(shapes)), dtype)
-        thresholds = jnp.array([0.002, 0.004], dtype)
-        size, duration = jax.vmap(jax.vmap(of, (0, None)), (None, 0))(stacked, thresholds)
+        thresholds, shapes = jnp.array([0.002, 0.004]), lattices(cells)
+        assert shapes.centre.dtype == thresholds.dtype == dtype
+        size, duration = jax.vmap(jax.vmap(of, (0, None)), (None, 0))(shapes, thresholds)
         assert size.shape == (2, 2, 20)
         assert size.dtype == duration.dtype == jnp.int32
         assert not size[:, 0, 5:].any()
         assert not duration[:, 0, 5:].any()
-        for number, shape in enumerate(shapes):
-            alone = of(shape, thresholds[1])
-            np.testing.assert_array_equal(size[1, number, : shape.voxels], alone.size)
-            np.testing.assert_array_equal(duration[1, number, : shape.voxels], alone.duration)
+        for number, each in enumerate(cells):
+            expected = of(lattice(each), thresholds[1])
+            np.testing.assert_array_equal(size[1, number, : len(each)], expected.size)
+            np.testing.assert_array_equal(duration[1, number, : len(each)], expected.duration)
 
 
 def test_avalanches_that_do_not_end_are_ended_as_in_jax() -> None:
@@ -201,26 +209,20 @@ def test_avalanches_that_do_not_end_are_ended_as_in_jax() -> None:
 @pytest.mark.parametrize("kernel", USABLE)
 def test_a_kernel_moves_all_of_a_state_as_jax_does(kernel: str) -> None:
     """A padded hook that falls, slides and is crushed: contacts with ground and ceiling, ropes."""
-    shape = body(HOOK)
-    there = np.pad(shape.voxel[..., 0] < shape.voxels, ((0, 0), (0, 1)))
-    padded, steps, count = pad(shape, shape.voxels + 2, shape.bodies + 1), 60, 5
-    start = thrown(padded, count, speed=12.0)
-    control = waves(padded, 2 * steps, count)
-    once = moved(padded, start, control[:steps], kernel=kernel)
-    expected = moved(padded, start, control[:steps], kernel="none")
-    assert_near(once, expected, there)
-    found = moved(padded, once, control[steps:], kernel=kernel)
-    expected = moved(padded, expected, control[steps:], kernel="none")
-    assert_near(found, expected, there)
-    assert jnp.abs(once.contact).max() + jnp.abs(expected.contact).max() > 0, "they touched"
+    shape, steps, count = alone(lattices([np.array(HOOK)], len(HOOK) + 2), 0), 20, 5
+    start, control = thrown(shape, count, speed=4.0), waves(shape, 3 * steps, count)
+    found = expected = start
+    for now in np.split(control, 3):
+        found = moved(shape, found, now, kernel=kernel)
+        expected = moved(shape, expected, now, kernel="none")
+        assert_near(found, expected, rigid_bodies(shape))
+        assert (found.contact[:, 0] > 0).any(), "they touch"
 
 
 @pytest.mark.parametrize("material_of", [Material, Material.soft], ids=["default", "soft"])
 def test_random_bodies_move_as_in_jax_without_a_terrain(material_of: Any) -> None:
     material, steps, count = material_of(), 300, 2
-    shapes = [random_body(voxels, voxels) for voxels in (4, 9, 14)]
-    there = [shape.voxel[..., 0] < shape.voxels for shape in shapes]
-    stacked = stack(shapes)
+    shapes = lattices([random_cells(voxels) for voxels in (4, 9, 14)])
 
     @partial(jax.jit, static_argnames="kernel")
     def of(shapes: Lattice, control: Array, kernel: str) -> State:
@@ -230,13 +232,11 @@ def test_random_bodies_move_as_in_jax_without_a_terrain(material_of: Any) -> Non
 
         return jax.vmap(one)(shapes)
 
-    control = waves(shapes[-1], steps, count)
-    found, expected = (of(stacked, control, kernel) for kernel in (BEST, "none"))
-    for number, real in enumerate(there):
-        pads = np.zeros(found.moved.shape[2:4], bool)
-        pads[:, : real.shape[1]] = real
-        each, other = (jax.tree.map(itemgetter(number), state) for state in (found, expected))
-        assert_near(each, other, pads)
+    control = waves(alone(shapes, 2), steps, count)
+    found, expected = (of(shapes, control, kernel) for kernel in (BEST, "none"))
+    for number in range(3):
+        ours, theirs = (jax.tree.map(itemgetter(number), state) for state in (found, expected))
+        assert_near(ours, theirs, rigid_bodies(alone(shapes, number)))
 
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
@@ -261,8 +261,8 @@ def test_a_robot_has_the_same_bits_in_any_company_and_in_any_calls(dtype: Any, k
     order = np.random.default_rng(0).permutation(count)[:11]
     mixed = moved(shape, robots(start, order), control[..., order], kernel=kernel)
     assert_same_bits(mixed, robots(together, order))
-    alone = moved(shape, robots(start, 4), control[..., 4], kernel=kernel)
-    assert_same_bits(alone, robots(together, 4))
+    single = moved(shape, robots(start, 4), control[..., 4], kernel=kernel)
+    assert_same_bits(single, robots(together, 4))
     step_by_step, _ = lax.scan(
         lambda state, now: (moved(shape, state, now[None], kernel=kernel), None), start, control
     )
@@ -287,17 +287,17 @@ def test_vmap_is_the_same_bits_as_lanes_and_nests() -> None:
     start = thrown(shape, 6, speed=5.0)
     together = moved(shape, start, control.reshape(steps, -1, 6))
     start = jax.tree.map(lambda x: x.reshape(*x.shape[:-1], 2, 3), start)
-    alone = partial(moved, shape)
-    inner = jax.vmap(jax.vmap(alone, -1, -1), -2, -2)
+    one = partial(moved, shape)
+    inner = jax.vmap(jax.vmap(one, -1, -1), -2, -2)
     nested = jax.tree.map(lambda x: x.reshape(*x.shape[:-2], 6), inner(start, control))
     assert_same_bits(nested, together)
-    lanes = jax.vmap(alone, -1, -1)(start, control)  # of which each has lanes already
+    lanes = jax.vmap(one, -1, -1)(start, control)  # of which each has lanes already
     assert_same_bits(jax.tree.map(lambda x: x.reshape(*x.shape[:-2], 6), lanes), together)
 
 
 def test_vmap_over_bodies_materials_and_terrains_takes_each_with_its_robots() -> None:
-    shapes, steps = [body([(0, 0), (1, 0)]), body(HOOK)], 40
-    stacked, control = stack(shapes), waves(shapes[1], steps, 3)
+    cells, steps = [np.array([(0, 0), (1, 0)]), np.array(HOOK)], 40
+    shapes, control = lattices(cells), waves(body(HOOK), steps, 3)
     frictions, slopes = jnp.array([0.1, 3.0]), jnp.array([0.0, 0.2])
 
     def run(shape: Lattice, friction: Array, slope: Array, control: Array) -> Array:
@@ -310,14 +310,15 @@ def test_vmap_over_bodies_materials_and_terrains_takes_each_with_its_robots() ->
 
     each = jax.vmap(run, (None, None, None, -1))
     both = jax.vmap(jax.vmap(each, (0, None, None, None)), (None, 0, 0, None))
-    found = jax.jit(both)(stacked, frictions, slopes, control)
+    found = jax.jit(both)(shapes, frictions, slopes, control)
     assert found.shape[:3] == (2, 2, 3)
     assert jnp.abs(found[0] - found[1]).max() > 0.01
-    for number, shape in enumerate(shapes):
-        alone = run(shape, frictions[1], slopes[1], control[:, : shape.voxels, 2])
-        there = np.asarray(shape.voxel[..., 0] < shape.voxels)
+    for number, each in enumerate(cells):
+        shape = body(each)
+        expected = run(shape, frictions[1], slopes[1], control[:, : len(each), 2])
+        there = rigid_bodies(shape)
         place = found[1, number, 2][..., : shape.bodies]
-        np.testing.assert_array_equal(place[..., there], alone[..., there])
+        np.testing.assert_array_equal(place[..., there], expected[..., there])
 
 
 @pytest.mark.slow

@@ -1,9 +1,9 @@
 """MAP-Elites: an archive of the fittest of every kind of behaviour (Mouret and Clune, 2015).
 
 Beside its fitness, a candidate has a descriptor: how it behaved, as a few numbers.  The space of
-descriptors is cut into a grid of cells, and each cell keeps the fittest candidate that fell into it,
-its elite (arXiv:1504.04909, figure 1).  Children are born to elites drawn at random, whether their
-cells are good or bad: what is found is not one solution but a map of what is possible.
+descriptors is cut into a grid of cells, and each cell keeps the fittest candidate that fell into
+it, its elite (arXiv:1504.04909, figure 1).  Children are born to elites drawn at random, whether
+their cells are good or bad: what is found is not one solution but a map of what is possible.
 
 A child is its parent with a number from N(0, sigma_iso) added to every gene; with a `line_scale` it
 moves along the line to a second elite, too:

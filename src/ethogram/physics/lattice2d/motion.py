@@ -134,14 +134,14 @@ def corrected(
         place: displacement and heading before.
 
     """
-    short = in_any_copy(are_short(lattice, material, place).any())
+    is_short = are_short(lattice, material, place).any((0, 1))  # each robot, whatever the others
+    short = in_any_copy(is_short.any())
+    longer = partial(lengthened, lattice, material, is_short)
     if contacts is None:
-        return lax.cond(
-            short, lambda: _passes(partial(lengthened, lattice, material), place), lambda: place
-        )
+        return lax.cond(short, lambda: _passes(longer, place), lambda: place)
 
     def once(place: tuple[Array, Array]) -> tuple[Array, Array]:
-        place = lax.cond(short, partial(lengthened, lattice, material), lambda at: at, place)
+        place = lax.cond(short, longer, lambda at: at, place)
         return lifted(lattice, material, contacts, place)
 
     touching = in_any_copy(contacts.touching.any())

@@ -118,9 +118,20 @@ def are_short(
 
 
 def lengthened(
-    lattice: Lattice, material: Material, place: tuple[Array, Array]
+    lattice: Lattice,
+    material: Material,
+    concerned: Bool[Array, "*batch"],
+    place: tuple[Array, Array],
 ) -> tuple[Array, Array]:
-    """Displacement and heading of rigid bodies with short ropes corrected, one after the other."""
+    """Displacement and heading of rigid bodies with short ropes corrected, one after the other.
+
+    Args:
+        lattice: the body.
+        material: of its voxels.
+        concerned: robots whose ropes are corrected.
+        place: displacement and heading before.
+
+    """
     batch = place[0].ndim - 3
     in_group = _groups(lattice, batch)
     mass, moment = (
@@ -137,7 +148,7 @@ def lengthened(
             1 / mass[pair[end]] + turns[end] ** 2 / moment[pair[end]] for end in range(2)
         )
         lacking = jnp.clip(material.square - SLOP - distance, 0.0, FARTHEST)
-        push = jnp.where(in_group[group], lacking / softness, 0.0)
+        push = jnp.where(in_group[group] & concerned, lacking / softness, 0.0)
         by = jnp.zeros_like(push, shape=(3, COLOURS, *push.shape))
         for end, sign in enumerate((-1, 1)):
             step = jnp.stack([*n, turns[end]]) * sign * push
