@@ -75,7 +75,9 @@ def test_parameters_of_ten_genes_are_those_worked_out_by_hand():
 
 
 @pytest.mark.parametrize("covariance", ["full", "separable", "isotropic"])
-@pytest.mark.parametrize(("genes", "size"), [(1, 2), (1, 7), (2, 3), (40, 15), (5252, 29), (3, 500)])
+@pytest.mark.parametrize(
+    ("genes", "size"), [(1, 2), (1, 7), (2, 3), (40, 15), (5252, 29), (3, 500)]
+)
 def test_parameters_keep_the_covariance_positive_definite(covariance, genes, size):
     found = parameters(genes, size, covariance, active=True)
     assert (np.diff(found.weights) <= 0).all()

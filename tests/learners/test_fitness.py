@@ -55,6 +55,29 @@ def test_a_fitness_with_a_key_of_its_own_is_deterministic():
     assert (other[0] != other[1]).any()
 
 
+def test_the_descriptor_is_where_in_its_range_an_action_is_on_average():
+    fitness = PolicyFitness(Reach(), key=KEY, episodes=3, hidden_size=2)
+    genomes = 3 * fitness.search_space.sample(KEY, 2)
+    found = evaluate(fitness, KEY, genomes).descriptor
+    for genome, descriptor in zip(genomes, found, strict=True):
+        played = play(fitness, genome, jax.random.split(KEY, 3))
+        ends = np.asarray(played.episode_end).argmax(1)
+        action = np.asarray(played.action["hand"])[:, :, 0]
+        steps = np.concatenate([each[: end + 1] for each, end in zip(action, ends, strict=True)])
+        np.testing.assert_allclose(descriptor, ((steps + 0.5) / 1.5).mean(0), rtol=1e-4)
+    assert np.ptp(found) > 0.05
+
+
+def test_of_choices_the_descriptor_is_how_often_each_is_made():
+    world = Duet(keys=2)
+    fitness = PolicyFitness(world, key=KEY, episodes=8, hidden_size=2)
+    genomes = 3 * fitness.search_space.sample(KEY, 4)
+    found = evaluate(fitness, KEY, genomes).descriptor
+    for genome, descriptor in zip(genomes, found, strict=True):
+        sung = np.asarray(play(fitness, genome, jax.random.split(KEY, 8)).action["singer"])
+        np.testing.assert_allclose(descriptor, [(sung == 0).mean(), (sung == 1).mean()], atol=1e-6)
+
+
 @pytest.mark.slow
 def test_evolved_networks_reach_the_target():
     fitness = PolicyFitness(Reach(), key=KEY, episodes=8, hidden_size=4)

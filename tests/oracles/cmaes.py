@@ -47,8 +47,9 @@ class CMAES:
     def generation(self, z, evaluate):
         """One generation by normal numbers [candidate, gene]; returns the candidates."""
         n, self.g = self.n, self.g + 1
-        values, B = np.linalg.eigh(self.C)
-        root, inverse = B @ np.diag(values**0.5) @ B.T, B @ np.diag(values**-0.5) @ B.T
+        values, vectors = np.linalg.eigh(self.C)
+        root = vectors @ np.diag(values**0.5) @ vectors.T
+        inverse = vectors @ np.diag(values**-0.5) @ vectors.T
         x = np.array([self.mean + self.sigma * root @ each for each in z])  # 38 to 40
         order = sorted(range(self.size), key=lambda i: -evaluate(x[i]))
         y = [(x[i] - self.mean) / self.sigma for i in order]

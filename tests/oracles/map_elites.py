@@ -17,7 +17,7 @@ class Archive:
         return sorted(self.elites)
 
     def add(self, key, genomes, evaluate):
-        """Each candidate enters its cell if it is fitter than who is there; the fittest go first."""
+        """Each candidate enters its cell if it is fitter than who is there, the fittest first."""
         found = [evaluate(genome) for genome in genomes]
         chance = np.asarray(jax.random.uniform(key, (len(genomes),))).tolist()
         for i in sorted(range(len(genomes)), key=lambda i: (-found[i][0], chance[i])):

@@ -36,6 +36,7 @@ STUDIES: "Registry[Study]" = Registry(
     "study",
     "ethogram.studies",
     {
+        "criticality": "ethogram.studies.criticality",
         "language": "ethogram.studies.language",
         "publishing": "ethogram.studies.publishing",
         "rules": "ethogram.studies.rules",

@@ -153,9 +153,7 @@ def best(state: Any) -> tuple[Float[Array, "gene"], Float[Array, ""]]:
     return state.genome[fittest], state.fitness[fittest]
 
 
-def best_first(
-    key: Key[Array, ""], fitness: Float[Array, "candidate"]
-) -> Int[Array, "candidate"]:
+def best_first(key: Key[Array, ""], fitness: Float[Array, "candidate"]) -> Int[Array, "candidate"]:
     """The numbers of candidates from the fittest to the least fit, at random where they tie."""
     return jnp.lexsort((jax.random.uniform(key, fitness.shape), -fitness))
 

@@ -45,7 +45,7 @@ from jax import Array, lax
 from jaxtyping import Float, Int, Key
 from pydantic import Field
 
-from ethogram.core.batching import in_any_copy
+from ethogram.core.batching import in_any_copy, take
 from ethogram.core.memory import require_memory
 from ethogram.core.settings import Number, Positive, setting
 from ethogram.learners.base import Metrics
@@ -126,9 +126,7 @@ class CMAES(EvolutionaryLearner):
         None, Literal["full", "separable", "isotropic"] | None, static=True
     )
     active: bool = setting(True, bool, static=True)
-    flat_share: float | None = setting(
-        0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True
-    )
+    flat_share: float | None = setting(0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True)
     restarts: bool = setting(False, bool, static=True)
 
     @property
@@ -168,8 +166,8 @@ class CMAES(EvolutionaryLearner):
         """The numbers of a generation.
 
         The `best` fitness ever, also as `episode_return`; the `mean` of the candidates that did not
-        diverge (0 if all did); `sigma`; the `condition` of C, its largest eigenvalue over its least;
-        how many candidates have `diverged`; how many `restarts` there were.
+        diverge (0 if all did); `sigma`; the `condition` of C, its largest eigenvalue over its
+        least; how many candidates have `diverged`; how many `restarts` there were.
         """
         values = state.covariance.eigenvalues()
         return fitness_metrics(state.best_ever.fitness, state.fitness) | {
@@ -196,7 +194,7 @@ class CMAES(EvolutionaryLearner):
         evaluation = with_worst(evaluation)
         fitness, generation = evaluation.fitness, state.generation + 1
         rank = jnp.argsort(best_first(key, fitness))
-        weights = jnp.asarray(self.parameters.weights, jnp.float32)[rank]  # w_i, as i:lambda
+        weights = take(jnp.asarray(self.parameters.weights, jnp.float32), rank)  # w_i, as i:lambda
         y = (candidates - state.mean) / state.sigma
         z = state.covariance.whitened(y)
 
@@ -273,9 +271,7 @@ class CMAES(EvolutionaryLearner):
 
         return lax.cond(in_any_copy(over), anew, lambda: state)
 
-    def _sigma_path(
-        self, state: CMAESState, step: Float[Array, "gene"]
-    ) -> Float[Array, "gene"]:
+    def _sigma_path(self, state: CMAESState, step: Float[Array, "gene"]) -> Float[Array, "gene"]:
         """p_sigma after a step of the mean, which is whitened."""
         of = self.parameters
         gain = (of.c_sigma * (2 - of.c_sigma) * of.effective_parents) ** 0.5

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from ethogram.core.settings import Number
 from ethogram.learners.evolution.cmaes_covariance import LEAST_EIGENVALUE, Covariance
 
 _NEARLY = 1.01  # as much as a limit, but for rounding
@@ -29,7 +30,7 @@ def is_over(
     patience: int,
     mean: Float[Array, "gene"],
     sigma: Float[Array, ""],
-    longest: Float[Array, ""],
+    longest: Number,
     covariance: Covariance,
 ) -> Bool[Array, ""]:
     """Whether a run has come to its end.

@@ -6,9 +6,9 @@ mutant of one, in which a number from N(0, sigma) is added to every gene.  Of pa
 together the n_pop best remain (thesis, section 6.4.1, with the numbers of Table 6.1; overlapping
 generations are De Jong's n + m model, "Evolutionary Computation", 2006).
 
-Readings.  The thesis prints one probability of mutation, p_mut = 0.01, for a mutation that moves all
-genes; here 0.01 is the scale of the move, and how often there is a crossover, 0.8, is a setting.
-Both parents may be the same individual.  In a tournament that ties the first that was drawn wins.
+Readings.  The thesis prints one probability of mutation, p_mut = 0.01; here 0.01 is the scale of a
+mutation that moves all genes, and how often there is a crossover instead, 0.8, is a setting.  Both
+parents may be the same individual.  In a tournament that ties the first that was drawn wins.
 Individuals that stay are evaluated again where fitness is not deterministic; the best ever is then
 a lucky one.
 """

@@ -1,9 +1,9 @@
 """MAP-Elites: an archive of the fittest of every kind of behaviour (Mouret and Clune, 2015).
 
 Beside its fitness, a candidate has a descriptor: how it behaved, as a few numbers.  The space of
-descriptors is cut into a grid of cells, and each cell keeps the fittest candidate that fell into it,
-its elite (arXiv:1504.04909, figure 1).  Children are born to elites drawn at random, whether their
-cells are good or bad: what is found is not one solution but a map of what is possible.
+descriptors is cut into a grid of cells, and each cell keeps the fittest candidate that fell into
+it, its elite (arXiv:1504.04909, figure 1).  Children are born to elites drawn at random, whether
+their cells are good or bad: what is found is not one solution but a map of what is possible.
 
 A child is its parent with a number from N(0, sigma_iso) added to every gene; with a `line_scale` it
 moves along the line to a second elite, too:
@@ -187,9 +187,7 @@ class MAPElites(EvolutionaryLearner):
             diverged=evaluation.diverged.sum(),
         )
 
-    def cell_of(
-        self, descriptor: Float[Array, "candidate descriptor"]
-    ) -> Int[Array, "candidate"]:
+    def cell_of(self, descriptor: Float[Array, "candidate descriptor"]) -> Int[Array, "candidate"]:
         """The number of the cell that each descriptor falls into; 0 where it is not finite."""
         share = (descriptor - self.descriptor_low) / (self.descriptor_high - self.descriptor_low)
         share = jnp.nan_to_num(share, nan=0.0)

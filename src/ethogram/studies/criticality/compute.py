@@ -1,6 +1,7 @@
 """Computation of a case: bodies drawn, made by hand or evolved, and their avalanches."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -15,11 +16,14 @@ from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.pytrees import from_arrays, to_arrays
+from ethogram.core.recorded import RECORDED, grouped
 from ethogram.learners.evolution import Evaluation, Genetic
+from ethogram.learners.evolution.genetic import GeneticState
 from ethogram.physics import native
 from ethogram.studies.criticality.condition import BOXES, HAND_MADE
 from ethogram.studies.criticality.plan import EVOLVED, Settings, condition_of, learner_of
 from ethogram.studies.training import DONE, STATE, Arrays, named, named_so, trials_in_turn
+from ethogram.worlds.softbody.avalanche_scene import avalanche_scene
 from ethogram.worlds.softbody.bodies import PLANE, cells_of, text_of
 from ethogram.worlds.softbody.criticality import (
     Criticality,
@@ -27,7 +31,6 @@ from ethogram.worlds.softbody.criticality import (
     avalanches_of,
     criticality,
     power_law,
-    threshold,
 )
 from ethogram.worlds.softbody.growth import Cells, grown, random_body, walked_body
 
@@ -59,9 +62,7 @@ class BodyFitness:
         bodies = [grown(genes, self.voxels) for genes in np.asarray(genomes)]
         names = [text_of(body) for body in bodies]
         new = {
-            name: body
-            for name, body in zip(names, bodies, strict=True)
-            if name not in self.known
+            name: body for name, body in zip(names, bodies, strict=True) if name not in self.known
         }
         for (name, body), sizes in zip(new.items(), sizes_of(list(new.values())), strict=True):
             self.known[name] = criticality(sizes, len(body)).score
@@ -93,7 +94,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     Returns:
         `results` (dimensions trial, voxel): of each body its score and what it is made of, the
         power law that fits it best, and the avalanches of each voxel; of evolution also, per
-        generation, the best and the mean score.  Of square bodies (dimensions trial, threshold,
+        generation, the best and the mean score; `scene`, `scene-2`, ..., some avalanches of the
+        first bodies.  Of square bodies (dimensions trial, threshold,
         voxel) the avalanches at each threshold.
 
     """
@@ -102,13 +104,20 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
     if settings.bodies == "thresholds":
         return {"results": _threshold_test(settings)}
     if settings.bodies in EVOLVED:
-        return {"results": _evolved(case, settings, context)}
+        return _with_scenes(_evolved(settings, context))
     if settings.bodies == "hand_made":
         names = list(HAND_MADE)
         bodies = [cells_of(text, axes=PLANE) for text in HAND_MADE.values()]
     else:
         names, bodies = [], _drawn(case, settings)
-    return {"results": _measured(settings, bodies, names)}
+    return _with_scenes(_measured(settings, bodies, names))
+
+
+def _with_scenes(results: xr.Dataset) -> dict[str, xr.Dataset]:
+    """The results, and avalanches of the first bodies to be watched."""
+    texts = str(results.attrs["layers"]).split()[:RECORDED]
+    scenes = [avalanche_scene(cells_of(text, axes=PLANE), text) for text in texts]
+    return {"results": results, **grouped(scenes)}
 
 
 def _drawn(case: Case, settings: Settings) -> list[Cells]:
@@ -123,26 +132,24 @@ def _drawn(case: Case, settings: Settings) -> list[Cells]:
     return bodies
 
 
-def _measured(
-    settings: Settings, bodies: Sequence[Cells], names: Sequence[str] = ()
-) -> xr.Dataset:
+def _measured(settings: Settings, bodies: Sequence[Cells], names: Sequence[str] = ()) -> xr.Dataset:
     """Scores of bodies and the avalanches behind them."""
     found = avalanches_of(bodies)
     most = max(map(len, bodies))
     scores = [criticality(size, len(size)) for size, _ in found]
     laws = [power_law(size, len(size), seed=settings.seed) for size, _ in found]
-    of_body: dict[str, Any] = {
-        "voxels": ("trial", [len(body) for body in bodies]),
-        **{name: ("trial", [getattr(each, name) for each in scores]) for name in Criticality._fields},
-        **{f"law_{name}": ("trial", [getattr(each, name) for each in laws]) for name in PowerLaw._fields},
+    numbers = {
+        **{name: [getattr(each, name) for each in scores] for name in Criticality._fields},
+        **{f"law_{name}": [getattr(each, name) for each in laws] for name in PowerLaw._fields},
+        "voxels": [len(body) for body in bodies],
     }
-    of_voxel = {
-        name: (("trial", "voxel"), np.stack([np.pad(each[i], (0, most - len(each[i]))) for each in found]))
-        for i, name in enumerate(("size", "duration"))
-    }
+    variables: dict[str, Any] = {name: ("trial", each) for name, each in numbers.items()}
+    for place, name in enumerate(("size", "duration")):
+        padded = [np.pad(each[place], (0, most - len(each[place]))) for each in found]
+        variables[name] = ("trial", "voxel"), np.stack(padded)
     texts = [text_of(body) for body in bodies]
     return xr.Dataset(
-        of_body | of_voxel,
+        variables,
         attrs={**_attributes(settings), "layers": " ".join(texts), "names": " ".join(names)},
     )
 
@@ -153,6 +160,8 @@ def _attributes(settings: Settings) -> dict[str, Any]:
         "grid": settings.grid,
         "wanted_voxels": settings.voxels,
         "generations": settings.generations,
+        "population_size": settings.learner.population_size,
+        "first": settings.first,
     }
 
 
@@ -172,9 +181,10 @@ def _threshold_test(settings: Settings) -> xr.Dataset:
     )
 
 
-def _evolved(case: Case, settings: Settings, context: Context) -> xr.Dataset:
+def _evolved(settings: Settings, context: Context) -> xr.Dataset:
     """The best body of each run, and how its score rose."""
-    keys = trial_keys(settings.seed, case.name, settings.trials)
+    name = condition_of(settings).name
+    keys = trial_keys(settings.seed, name, settings.first + settings.trials)[settings.first :]
     runs = trials_in_turn(
         settings.trials,
         context,
@@ -203,12 +213,15 @@ def _one_run(settings: Settings, key: Key[Array, ""], context: Context) -> Array
         done = int(found[DONE])
         kept = {name: found[name].tolist() for name in CURVES}
         fitness.asked, fitness.scored = int(found["asked"]), int(found["scored"])
-        state = from_arrays(_form(settings, learner), named_so(STATE, found))
+        state = from_arrays(_form(settings), named_so(STATE, found))
 
     def arrays() -> Arrays:
         curves = {name: np.array(values) for name, values in kept.items()}
         counts = {"asked": np.array(fitness.asked), "scored": np.array(fitness.scored)}
         return curves | counts
+
+    def snapshot(done: int, state: GeneticState) -> Arrays:
+        return {DONE: np.array(done)} | arrays() | named(STATE, to_arrays(state))
 
     for generation in range(done, settings.generations):
         for_children, for_ties = jax.random.split(fold_in(key, generation + 1))
@@ -216,11 +229,7 @@ def _one_run(settings: Settings, key: Key[Array, ""], context: Context) -> Array
         state = _tell(learner, for_ties, state, candidates, fitness(key, candidates))
         _keep(kept, learner.metrics(state), fitness)
         context.progress(generation + 1, settings.generations)
-        context.checkpoint(
-            lambda done=generation + 1, state=state: (
-                {DONE: np.array(done)} | arrays() | named(STATE, to_arrays(state))
-            )
-        )
+        context.checkpoint(partial(snapshot, generation + 1, state))
     return arrays() | {"genome": np.asarray(state.best_ever.genome)}
 
 
@@ -230,22 +239,28 @@ def _keep(kept: dict[str, list[float]], metrics: dict[str, Any], fitness: BodyFi
         kept[name].append(fitness.sign * float(metrics[name]))
 
 
-def _form(settings: Settings, learner: Genetic) -> Any:
-    """A state as the learner's are, without scoring anything."""
+class _Nothing:
+    """A fitness of which only the shape is wanted."""
 
-    class Nothing:
-        deterministic = True
+    deterministic = True
 
-        def __call__(self, key: Any, genomes: Array) -> Evaluation:
-            return Evaluation(jnp.zeros(len(genomes)), jnp.zeros(len(genomes), bool))
-
-    blank = learner_of(settings, Nothing())
-    return jax.eval_shape(blank.init, jax.random.key(0))
+    def __call__(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
+        del key
+        return Evaluation(jnp.zeros(len(genomes)), jnp.zeros(len(genomes), bool))
 
 
-_ask = eqx.filter_jit(lambda learner, key, state: learner.ask(key, state))
-_tell = eqx.filter_jit(
-    lambda learner, key, state, candidates, evaluation: learner.tell(
-        key, state, candidates, evaluation
-    )
-)
+def _form(settings: Settings) -> Any:
+    """The shapes and types of a learner's state."""
+    return jax.eval_shape(learner_of(settings, _Nothing()).init, jax.random.key(0))
+
+
+@eqx.filter_jit
+def _ask(learner: Genetic, key: Key[Array, ""], state: GeneticState) -> Array:
+    return learner.ask(key, state)
+
+
+@eqx.filter_jit
+def _tell(
+    learner: Genetic, key: Key[Array, ""], state: GeneticState, born: Array, found: Evaluation
+) -> GeneticState:
+    return learner.tell(key, state, born, found)

@@ -4,6 +4,7 @@ import dataclasses
 from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import jax.numpy as jnp
 from pydantic import Field
 
 from ethogram.campaign.case import Case
@@ -43,6 +44,7 @@ class Settings:
     learner: LearnerSettings = Field(default_factory=LearnerSettings)
     generations: Annotated[int, Field(ge=0, le=1_000_000)] = 200
     trials: Annotated[int, Field(ge=1, le=100_000)] = 10  # runs, or bodies that are drawn
+    first: Annotated[int, Field(ge=0, le=100_000)] = 0  # of those trials, among all of a plan
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 
@@ -93,26 +95,32 @@ def condition_of(settings: Settings) -> Condition:
 
 
 def cases(plan: Plan[Settings]) -> list[Case]:
-    """One case per way to come by bodies.
+    """One case per way to come by bodies, and of evolution one for each run.
 
     Raises:
         InvalidSettings: the grid cannot hold a body.
 
     """
-    points = plan.points()
-    for point in points:
+    points = []
+    for point in plan.points():
         require_room(point.grid**2, point.voxels)
+        runs = range(point.trials) if point.bodies in EVOLVED else ()
+        points += [dataclasses.replace(point, trials=1, first=run) for run in runs] or [point]
     return [
-        Case.of(study=NAME, version=VERSION, name=condition_of(point).name, settings=point)
+        Case.of(study=NAME, version=VERSION, name=name_of(point), settings=point)
         for point in points
     ]
 
 
+def name_of(settings: Settings) -> str:
+    """The name of a case: of evolution each run is one."""
+    name = condition_of(settings).name
+    return f"{name}-{settings.first}" if settings.bodies in EVOLVED else name
+
+
 def learner_of(settings: Settings, fitness: Fitness) -> Genetic:
     """The genetic algorithm of a case: a gene for each cell, drawn from 0 to 1, without limits."""
-    import numpy as np
-
     cells = settings.grid**2
-    limit = np.full(cells, np.inf)
-    space = SearchSpace(np.zeros(cells), np.ones(cells), -limit, limit)
+    limit = jnp.full(cells, jnp.inf)
+    space = SearchSpace(jnp.zeros(cells), jnp.ones(cells), -limit, limit)
     return Genetic(space, fitness, **dataclasses.asdict(settings.learner))

@@ -1,8 +1,8 @@
 """Criticality of bodies: how near the sizes of their avalanches are to a power law.
 
 A body that is neither rigid nor loose passes a pulse on to few voxels often and to many seldom: its
-avalanches have no size of their own.  The score of a body (thesis, section 6.4.1) compares how often
-each size occurs with a straight line in logarithms.  Avalanches are those of
+avalanches have no size of their own.  The score of a body (thesis, section 6.4.1) compares how
+often each size occurs with a straight line in logarithms.  Avalanches are those of
 `ethogram.physics.lattice2d.avalanches`.
 
 Beside it stands what Clauset, Shalizi and Newman ("Power-law distributions in empirical data",
@@ -122,33 +122,16 @@ def power_law(
     return PowerLaw(exponent, distance, float(further))
 
 
-BLOCK = 64  # bodies of a call: few sizes of batches, so that little is compiled
-
-
-def avalanche_sizes(
-    bodies: Sequence[Int[np.ndarray, "voxel 2"]],
-    thresholds: Sequence[float] | None = None,
-    *,
-    kernel: str = "auto",
-) -> list[Int[np.ndarray, "drive"]]:
-    """Sizes of the avalanches of many bodies, one for each voxel that is driven.
-
-    Args:
-        bodies: cells of each.
-        thresholds: tau of each; None is that of its number of voxels.
-        kernel: what does it on a CPU (see `ethogram.physics.lattice2d.simulate`).
-
-    """
-    return [found[0] for found in avalanches_of(bodies, thresholds, kernel=kernel)]
+BLOCKS = (64, 8, 1)  # bodies of a call: few sizes, so that little is compiled
 
 
 def avalanches_of(
-    bodies: Sequence[Int[np.ndarray, "voxel 2"]],
+    bodies: Sequence[Int[np.ndarray, "_ 2"]],
     thresholds: Sequence[float] | None = None,
     *,
     kernel: str = "auto",
-) -> list[tuple[Int[np.ndarray, "drive"], Int[np.ndarray, "drive"]]]:
-    """Sizes and durations of the avalanches of many bodies.
+) -> list[tuple[Int[np.ndarray, "_"], Int[np.ndarray, "_"]]]:
+    """Sizes and durations of the avalanches of many bodies, one for each voxel that is driven.
 
     Bodies of one number of voxels are simulated together.
 
@@ -163,18 +146,20 @@ def avalanches_of(
     """
     taus = [threshold(len(body)) for body in bodies] if thresholds is None else thresholds
     if len(taus) != len(bodies):
-        raise InvalidSettings(f"{len(taus)} thresholds for {len(bodies)} bodies; allowed: one each.")
+        raise InvalidSettings(
+            f"{len(taus)} thresholds for {len(bodies)} bodies; allowed: one each."
+        )
     found: dict[int, Any] = {}
     for voxels in sorted({len(body) for body in bodies}):
         alike = [number for number, body in enumerate(bodies) if len(body) == voxels]
-        for first in range(0, len(alike), BLOCK):
-            block = alike[first : first + BLOCK]
-            filled = block + block[-1:] * (BLOCK - len(block))
-            lattice = lattices([bodies[number] for number in filled], voxels)
-            tau = jnp.asarray([taus[number] for number in filled])
-            size, duration = map(np.asarray, _avalanches(kernel)(lattice, tau))
+        while alike:
+            size = next(size for size in BLOCKS if size <= len(alike))
+            block, alike = alike[:size], alike[size:]
+            lattice = lattices([bodies[number] for number in block], voxels)
+            tau = jnp.asarray([taus[number] for number in block])
+            size_of, duration_of = map(np.asarray, _avalanches(kernel)(lattice, tau))
             found |= {
-                number: (size[place], duration[place]) for place, number in enumerate(block)
+                number: (size_of[place], duration_of[place]) for place, number in enumerate(block)
             }
     return [found[number] for number in range(len(bodies))]
 

@@ -16,7 +16,7 @@ from ethogram.core.errors import InvalidSettings
 
 SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
-Cells = Int[np.ndarray, "voxel 2"]
+Cells = Int[np.ndarray, "_ 2"]
 
 
 def grown(genes: Float[np.ndarray, "cell"], voxels: int = 20) -> Cells:
