@@ -1,8 +1,8 @@
 // Avalanches: how far, and for how long, the pulse of one voxel is felt by the others.
 //
-// Lanes are drives; a lane of which the run has stopped takes the next one.  Those voxels come first
-// that have the fewest others about them: runs at corners are the longest by far, and a long one
-// that begins late keeps all lanes waiting.
+// Lanes are drives; a lane of which the run has stopped takes the next one.  Those voxels come
+// first that have the fewest others about them: runs at corners are the longest by far, and a long
+// one that begins late keeps all lanes waiting.
 
 #pragma once
 
