@@ -28,7 +28,7 @@ from ethogram.worlds.publishing import Publishing
 from ethogram.worlds.publishing.learnable import LearnablePublishing
 from ethogram.worlds.publishing.policies import Ranking, Scrutiny
 from ethogram.worlds.sharing import Sharing
-from ethogram.worlds.softbody import SoftBody3D
+from ethogram.worlds.softbody import SoftBody2D, SoftBody3D
 from ethogram.worlds.traffic import Traffic
 from ethogram.worlds.traffic.drivers import IDM, MOBIL
 
@@ -43,6 +43,7 @@ SMALL = {
     "learnable_publishing": LearnablePublishing(SYSTEM, Scrutiny(0.25), ranking=Ranking(2)),
     "publishing": SYSTEM,
     "sharing": Sharing(agents=2, steps=4),
+    "softbody2d": SoftBody2D(body="#", steps=4),
     "softbody3d": SoftBody3D(body="#", steps=4),
     "traffic": Traffic(cars=2, max_cars=2, steps=4),
 }

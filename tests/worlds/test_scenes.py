@@ -37,6 +37,7 @@ SMALL = {  # settings, so that little is compiled; a world that is not here has 
         "references": 2,
     },
     "sharing": {"agents": 3, "steps": STEPS},
+    "softbody2d": {"body": "#", "steps": STEPS},
     "softbody3d": {"body": "#", "steps": STEPS},
     "traffic": {"cars": 8, "max_cars": 9, "steps": STEPS},
 }
@@ -44,6 +45,7 @@ FRAMES = {
     "language": STEPS + 1,
     "publishing": 2 * STEPS,
     "sharing": STEPS,
+    "softbody2d": STEPS + 1,
     "softbody3d": STEPS + 1,
     "traffic": STEPS,
 }

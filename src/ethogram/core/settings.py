@@ -9,7 +9,7 @@ and files; building a `Pasture` in Python checks the same bounds.
 """
 
 import dataclasses
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, dataclass_transform
 
@@ -97,6 +97,25 @@ def named(default: str, functions: Mapping[str, Callable[..., Any]]) -> Any:
         static=True,
         converter=known,
         metadata={"setting": Literal[tuple(functions)], "checked by converter": True},
+    )
+
+
+def chosen(default: str, names: Iterable[str], converter: Callable[[Any], Any]) -> Any:
+    """Declare a static field that takes an object, or the name of one of ours.
+
+    Plans and files know the names only; in Python the object itself will do.
+
+    Args:
+        default: the name when nothing is said.
+        names: of ours.
+        converter: checks a value and turns it into the object.
+
+    """
+    return eqx.field(
+        default=default,
+        static=True,
+        converter=converter,
+        metadata={"setting": Literal[tuple(names)], "checked by converter": True},
     )
 
 

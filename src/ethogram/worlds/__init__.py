@@ -15,6 +15,7 @@ WORLDS: "Registry[type[World]]" = Registry(
         "learnable_publishing": "ethogram.worlds.publishing.learnable:LearnablePublishing",
         "publishing": "ethogram.worlds.publishing:Publishing",
         "sharing": "ethogram.worlds.sharing:Sharing",
+        "softbody2d": "ethogram.worlds.softbody:SoftBody2D",
         "softbody3d": "ethogram.worlds.softbody:SoftBody3D",
         "traffic": "ethogram.worlds.traffic:Traffic",
     },

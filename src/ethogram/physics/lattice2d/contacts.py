@@ -71,6 +71,13 @@ def flat() -> Terrain:
     return Terrain(jnp.array([(0.0, 0.0), (1.0, 0.0)]))
 
 
+def height(terrain: Terrain, x: Float[Array, "*at"]) -> Float[Array, "*at"]:
+    """Height of the ground at places, m; beyond its ends it goes on as it is."""
+    at = jnp.stack([x, jnp.zeros_like(x)])
+    normal, reach = _surface(terrain.ground, at, 1.0)
+    return (reach - normal[0] * x) / normal[1]
+
+
 class Contacts(NamedTuple):
     """Corners of the squares of all rigid bodies, and what they touch.
 
