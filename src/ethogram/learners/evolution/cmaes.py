@@ -13,8 +13,8 @@ Presets:
 
 - `modern`, the default: the tutorial's, in which the worst candidates have negative weights.
 - `thesis` (section 6.4.2, "a CMA-ES" with 10 000 births): no negative weights; sigma is 0.5 at
-  first and grows where 70% of the candidates tie, and there are no restarts.  Its genomes start in [0, 1] and have no limits: so must the
-  search space.
+  first and grows where 70% of the candidates tie, and there are no restarts.  Its genomes start in
+  [0, 1] and have no limits: so must the search space.
 
 Deviations from the tutorial:
 
