@@ -1,4 +1,4 @@
-// Memory of one call, taken piece by piece from one block; the same taking, of no block, measures it.
+// Memory of one call, taken piece by piece from one block; taking of no block measures it.
 
 #pragma once
 

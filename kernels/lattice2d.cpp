@@ -1,9 +1,9 @@
 // Handlers of XLA's foreign functions: `ethogram_lattice2d_f32` and `_f64`, which move robots, and
 // `ethogram_lattice2d_avalanches_f32` and `_f64`.
 //
-// Attributes: outline, whether there are but springs of the outline and the diagonals; sweeps of the
-// solver (s64); and bodies, whether every array has bodies, each with a material and a terrain of
-// its own, as its first axis.  Of those that move: robots_first, whether axes of robots come before
+// Attributes: outline, whether there are but springs of the outline and the diagonals; sweeps of
+// the solver (s64); and bodies, whether every array has bodies, each with a material and a terrain
+// of its own, as its first axis.  Of those that move: robots_first, whether axes of robots come before
 // those that are given here and not, as they are written, after them.  Of avalanches: most_steps
 // (s64).
 // There are any number of axes of robots where `lane` is written.  All is of one type of numbers
@@ -14,9 +14,9 @@
 //   6-7    control [step, voxel, lane], gravity []
 //   8-9    ground, ceiling [point, 2]; of no points if there is none
 //   10     constants [11], in the order of `Constants`
-//   11-18  the lattice: cell [voxel, 2] (s32), used [voxel] (pred), body [colour, voxel] (s32), voxel
-//          [colour, body, member] (s32), vertex, centre [2, colour, body], squares, inertia [colour,
-//          body]
+//   11-18  the lattice: cell [voxel, 2] (s32), used [voxel] (pred), body [colour, voxel] (s32),
+//          voxel [colour, body, member] (s32), vertex, centre [2, colour, body], squares, inertia
+//          [colour, body]
 // Results: the state, each array in the place of the argument that it was.
 //
 // Arguments of avalanches: threshold [], constants, the lattice.  Results: sizes, durations [voxel]
@@ -175,7 +175,8 @@ const Number* take_constants(Call& call) {
 class Memory {
  public:
   Memory(Call& call, int64_t bytes) : block_(malloc(bytes)) {
-    if (!block_) call.refuse("there is no memory for a block of robots: %lld bytes", (long long)bytes);
+    if (!block_)
+      call.refuse("there is no memory for a block of robots: %lld bytes", (long long)bytes);
   }
   ~Memory() { free(block_); }
   Memory(const Memory&) = delete;

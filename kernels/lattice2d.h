@@ -2,8 +2,8 @@
 //
 // The model, and the names of its parts, are those of `ethogram.physics.lattice2d`, where each
 // formula has its source; equations are written here only where they are turned into another form.
-// A block is copied from the state's arrays into records of one vector per number, stepped there, in
-// the processor's cache, and copied back.
+// A block is copied from the state's arrays into records of one vector per number, stepped there,
+// in the processor's cache, and copied back.
 //
 // Differences in form, none in what is computed:
 // - voxels are not mirrored, since their squares are named by place;
@@ -16,14 +16,11 @@
 
 #pragma once
 
-#include "lanes.h"
 #include "lattice2d_plan.h"
+#include "lattice2d_vectors.h"
 
 namespace ethogram {
 namespace lattice2d {
-
-using ethogram::fma;
-using ethogram::fnma;
 
 constexpr double SHORTEST = 1e-9;  // m: what keeps a direction finite
 constexpr double SLOWEST = 1.0;    // m/s: what approaches more slowly does not bounce
@@ -56,77 +53,6 @@ struct Commands {
   int64_t steps;
   const Number *control, *gravity;
 };
-
-template <class Lanes>
-struct Vector2 {
-  Lanes x, y;
-};
-
-// Linear and angular.
-template <class Lanes>
-struct Vector3 {
-  Lanes x, y, w;
-};
-
-// Symmetric, of Vector3.
-template <class Lanes>
-struct Matrix {
-  Lanes xx, xy, yy, xw, yw, ww;
-};
-
-template <class Lanes>
-ETHOGRAM_INLINE Vector2<Lanes> operator+(Vector2<Lanes> a, Vector2<Lanes> b) {
-  return {a.x + b.x, a.y + b.y};
-}
-template <class Lanes>
-ETHOGRAM_INLINE Vector2<Lanes> operator-(Vector2<Lanes> a, Vector2<Lanes> b) {
-  return {a.x - b.x, a.y - b.y};
-}
-template <class Lanes>
-ETHOGRAM_INLINE Vector2<Lanes> operator-(Vector2<Lanes> a) {
-  return {-a.x, -a.y};
-}
-template <class Lanes>
-ETHOGRAM_INLINE Lanes dot(Vector2<Lanes> a, Vector2<Lanes> b) {
-  return fma(a.x, b.x, a.y * b.y);
-}
-template <class Lanes>
-ETHOGRAM_INLINE Lanes cross(Vector2<Lanes> a, Vector2<Lanes> b) {
-  return fma(a.x, b.y, -(a.y * b.x));
-}
-
-// A vector turned by an angle, of which cosine and sine are given.
-template <class Lanes>
-ETHOGRAM_INLINE Vector2<Lanes> rotated(Vector2<Lanes> turn, Vector2<Lanes> v) {
-  return {fma(turn.x, v.x, -(turn.y * v.y)), fma(turn.y, v.x, turn.x * v.y)};
-}
-
-// A scaled by s, added to b.
-template <class Lanes>
-ETHOGRAM_INLINE Vector2<Lanes> fma(Lanes s, Vector2<Lanes> a, Vector2<Lanes> b) {
-  return {fma(s, a.x, b.x), fma(s, a.y, b.y)};
-}
-template <class Lanes>
-ETHOGRAM_INLINE Vector3<Lanes> fma(Lanes s, Vector3<Lanes> a, Vector3<Lanes> b) {
-  return {fma(s, a.x, b.x), fma(s, a.y, b.y), fma(s, a.w, b.w)};
-}
-
-template <class Lanes>
-ETHOGRAM_INLINE Vector3<Lanes> times(const Matrix<Lanes>& m, Vector3<Lanes> v) {
-  return {fma(m.xx, v.x, fma(m.xy, v.y, m.xw * v.w)), fma(m.xy, v.x, fma(m.yy, v.y, m.yw * v.w)),
-          fma(m.xw, v.x, fma(m.yw, v.y, m.ww * v.w))};
-}
-
-// By cofactors.
-template <class Lanes>
-ETHOGRAM_INLINE Matrix<Lanes> inverse(const Matrix<Lanes>& m) {
-  Matrix<Lanes> c = {fma(m.yy, m.ww, -(m.yw * m.yw)), fma(m.xw, m.yw, -(m.xy * m.ww)),
-                     fma(m.xx, m.ww, -(m.xw * m.xw)), fma(m.xy, m.yw, -(m.yy * m.xw)),
-                     fma(m.xy, m.xw, -(m.xx * m.yw)), fma(m.xx, m.yy, -(m.xy * m.xy))};
-  Lanes one = broadcast((decltype(m.xx[0] + 0))1);
-  Lanes per = one / fma(m.xx, c.xx, fma(m.xy, c.xy, m.xw * c.xw));
-  return {c.xx * per, c.xy * per, c.yy * per, c.xw * per, c.yw * per, c.ww * per};
-}
 
 // Steps of the robots of one block, then of the next.
 template <class Number>
@@ -183,7 +109,9 @@ class Simulation {
     Vector3 response;   // of the velocity, to 1 N s
     Lanes per_speed;    // the impulse that changes the velocity along it by 1 m/s
 
-    ETHOGRAM_INLINE Lanes speed(Vector3 v) const { return fma(turn, v.w, dot(direction, {v.x, v.y})); }
+    ETHOGRAM_INLINE Lanes speed(Vector3 v) const {
+      return fma(turn, v.w, dot(direction, {v.x, v.y}));
+    }
     ETHOGRAM_INLINE Lanes softness() const {
       return fma(turn, response.w, dot(direction, {response.x, response.y}));
     }
@@ -256,7 +184,8 @@ class Simulation {
     write(after, points, lanes, block);
   }
 
-  // For what commands a body that nothing pulls at by itself: as at rest, in some lanes.
+  // In place of `run`, for those that command by themselves: bodies at rest in some lanes, without
+  // gravity; then `control` and `step`.
   void rest(Mask lanes) {
     Lanes none = all(0), one = all(1);
     for (int64_t b = 0; b < plan_.bodies(); b++) {
@@ -652,7 +581,8 @@ class Simulation {
     Vector2 centre = centre_of(b);
     // rounding errors of a depth go with the numbers that it is made of
     Lanes error = all(sizeof(Number) == 4 ? Number(0x1p-19) : Number(0x1p-48));
-    Lanes radius = fma(error, absolute(centre.x) + absolute(centre.y), all(body.radius * Number(1.001)));
+    Lanes radius = all(body.radius * Number(1.001));
+    radius = fma(error, absolute(centre.x) + absolute(centre.y), radius);
     return near(plan_.ground(), plan_.ground_lines(), centre, radius, error) ||
            near(plan_.ceiling(), plan_.ceiling_lines(), centre, radius, error);
   }
@@ -801,7 +731,7 @@ class Simulation {
     return {after.x * per_length, after.y * per_length};
   }
 
-  // Cosine and sine, by Taylor's series: z = angle^2, sin = angle (1 - z/6 (1 - z/20 (1 - ...))).
+  // Cosine and sine by Taylor's series, sin = angle (1 - z/6 (1 - z/20 (1 - ...))), z = angle^2.
   static ETHOGRAM_INLINE Vector2 direction(Lanes angle) {
     constexpr int TERMS = sizeof(Number) == 4 ? 5 : 9;
     Lanes square = angle * angle, cosine = all(1), sine = all(1);
@@ -874,7 +804,8 @@ class Simulation {
         if (!any(moves)) continue;
         has_moved = true;
         Vector2 n = {d.x / distance, d.y / distance};
-        const Body &one = plan_.body(voxel.body[of.first]), &two = plan_.body(voxel.body[of.second]);
+        const Body& one = plan_.body(voxel.body[of.first]);
+        const Body& two = plan_.body(voxel.body[of.second]);
         Lanes turn_1 = cross(lever_of(voxel, of.first), n);
         Lanes turn_2 = cross(lever_of(voxel, of.second), n);
         Lanes softness = fma(turn_1 * turn_1, all(one.per_moment),

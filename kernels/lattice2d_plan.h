@@ -58,7 +58,7 @@ struct Constants {
 template <class Number>
 class Plan {
  public:
-  // Another rigid body that springs pull at: the block of these, and whether it is their second one.
+  // Another rigid body that springs pull at; their block, and whether this body is its second one.
   struct Link {
     int32_t body, block;
     bool is_second;

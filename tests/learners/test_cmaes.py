@@ -94,7 +94,7 @@ def test_candidates_that_tie_have_ranks_of_their_own_drawn_at_random():
     orders = {tuple(best_first(key, fitness).tolist()) for key in jax.random.split(KEY, 60)}
     assert len(orders) == 6, "every order of the three that tie"
     assert all(order[0] == 1 for order in orders)
-    learner = CMAES(OPEN, Of(flat), flat_share=None)
+    learner = CMAES(OPEN, Of(flat))
     state = learner.init(KEY)
     candidates = learner.ask(KEY, state)
     after = learner.tell(KEY, state, candidates, learner.evaluate(KEY, candidates))
@@ -108,7 +108,7 @@ def test_candidates_that_tie_have_ranks_of_their_own_drawn_at_random():
 @pytest.mark.parametrize(("tied", "grows"), [(6, True), (5, False)])
 def test_sigma_grows_where_at_least_seven_of_ten_tie_for_the_best(tied, grows):
     """6 of 8 is the least count that is 0.7 of them."""
-    learner = CMAES(OPEN, Of(flat))
+    learner = CMAES(OPEN, Of(flat), flat_share=0.7)
     state = learner.init(KEY)
     candidates = learner.ask(KEY, state)
     evaluation = learner.evaluate(KEY, candidates)
@@ -126,7 +126,7 @@ def test_sigma_grows_where_at_least_seven_of_ten_tie_for_the_best(tied, grows):
 
 
 def test_sigma_does_not_grow_for_candidates_that_have_all_diverged():
-    learner = CMAES(OPEN, Of(lambda genome: jnp.nan * genome.sum(-1)))
+    learner = CMAES(OPEN, Of(lambda genome: jnp.nan * genome.sum(-1)), flat_share=0.7)
     state, metrics = train(learner, KEY, 40)
     assert state.sigma < 5
     assert (metrics["diverged"] == 8).all()
@@ -197,7 +197,8 @@ def test_numbers_stay_finite_and_the_axes_short_where_fitness_has_no_top(covaria
     longest = state.sigma * jnp.sqrt(state.covariance.eigenvalues().max())
     assert longest <= 0.5 * LARGEST_GROWTH * 1.001
     assert metrics["best"][-1] > 1e5
-    end, _ = train(CMAES(space(2), Of(flat), covariance=covariance), KEY, 300)
+    raised = CMAES(space(2), Of(flat), covariance=covariance, flat_share=0.7)
+    end, _ = train(raised, KEY, 300)
     assert jnp.isfinite(end.mean).all()
 
 
@@ -227,7 +228,7 @@ def test_candidates_beyond_the_limits_are_put_on_them_and_the_top_on_a_limit_is_
 
 
 def test_a_run_that_is_stuck_begins_anew_and_keeps_its_best():
-    learner = CMAES(space(2), Of(flat), restarts=True, flat_share=None)
+    learner = CMAES(space(2), Of(flat), restarts=True)
     most = patience(2, 6)
     assert most == 110
     trials, keys = Trials(learner), trial_keys(0, "stuck", 2)
@@ -255,9 +256,11 @@ def test_only_the_run_that_is_over_begins_anew():
 
 
 def test_presets_and_defaults():
-    assert CMAES(OPEN, Of(sphere), **PRESETS["modern"]).active
+    modern = CMAES(OPEN, Of(sphere), **PRESETS["modern"])
+    assert (modern.active, modern.flat_share, modern.restarts) == (True, None, False)
     thesis = CMAES(space(20), Of(sphere), **PRESETS["thesis"])
     assert (thesis.active, thesis.restarts, float(thesis.sigma0)) == (False, False, 0.5)
+    assert thesis.flat_share == 0.7
     assert (thesis.parameters.weights.size, thesis.parameters.parents) == (12, 6)
     assert isinstance(thesis.init(KEY).covariance, Full)
     assert isinstance(CMAES(space(201), Of(sphere)).init(KEY).covariance, Separable)

@@ -179,7 +179,8 @@ def test_equal_arithmetic_is_that_of_the_variants_with_fused_multiply_adds():
 
 def test_nothing_is_loaded_by_importing_the_physics():
     script = (
-        "import sys, ethogram.physics.beams3d; from ethogram.physics import native;"
+        "import sys, ethogram.physics.beams3d, ethogram.physics.lattice2d;"
+        "from ethogram.physics import native;"
         "print(native._loaded.cache_info().currsize, native._registered.cache_info().currsize)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

@@ -13,8 +13,8 @@ Presets:
 
 - `modern`, the default: the tutorial's, in which the worst candidates have negative weights.
 - `thesis` (section 6.4.2, "a CMA-ES" with 10 000 births): no negative weights; sigma is 0.5 at
-  first, and there are no restarts.  Its genomes start in [0, 1] and have no limits: so must the
-  search space.
+  first and grows where 70% of the candidates tie, and there are no restarts.  Its genomes start in
+  [0, 1] and have no limits: so must the search space.
 
 Deviations from the tutorial:
 
@@ -23,9 +23,9 @@ Deviations from the tutorial:
   all runs that are side by side in the same ones.
 - Ranks are strict: of candidates that tie, who comes first is drawn at random, and no two have the
   same weight.
-- Sigma grows where at least 70% of the candidates tie for the best (its appendix C.1), but the
-  longest axis never beyond 10 000 times the first sigma, where the tutorial would stop (TolXUp,
-  B.3).
+- With `flat_share` sigma grows where so many candidates tie for the best (its appendix C.1), but
+  not where all have diverged.  The longest axis is never longer than 10 000 times the first
+  sigma, where the tutorial would stop (TolXUp, B.3).
 - Candidates beyond the limits of a search space are put on them, and it is these that are evaluated
   and learned from: there is no penalty.
 - With `restarts`, a run that has converged or got stuck (see `cmaes_restarts`) begins anew from a
@@ -69,7 +69,10 @@ from ethogram.learners.evolution.cmaes_parameters import (
 from ethogram.learners.evolution.cmaes_restarts import is_over, patience
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {"modern": {}, "thesis": {"active": False, "sigma0": 0.5, "restarts": False}}
+    {
+        "modern": {},
+        "thesis": {"active": False, "flat_share": 0.7, "sigma0": 0.5, "restarts": False},
+    }
 )
 
 LARGEST_GROWTH = 1e4  # of the longest axis, sigma max(D), times the first sigma
@@ -126,7 +129,9 @@ class CMAES(EvolutionaryLearner):
         None, Literal["full", "separable", "isotropic"] | None, static=True
     )
     active: bool = setting(True, bool, static=True)
-    flat_share: float | None = setting(0.7, Annotated[float, Field(gt=0, le=1)] | None, static=True)
+    flat_share: float | None = setting(
+        None, Annotated[float, Field(gt=0, le=1)] | None, static=True
+    )
     restarts: bool = setting(False, bool, static=True)
 
     @property
