@@ -79,6 +79,13 @@ PLANS = {
         settings=Settings(),
         grid={"bodies": ("evolved", *_BASELINES)},
     ),
+    "tuned": Plan(
+        name="tuned",
+        description="Section 6.5.1 with more variation: four of five children are mutants, which "
+        "move ten times as far. The first of its runs, for sixty generations, was looked at before.",
+        settings=Settings(learner=LearnerSettings(mutation_scale=0.1, crossover_probability=0.2)),
+        grid={"bodies": ("evolved", *_BASELINES)},
+    ),
     "controls": Plan(
         name="controls",
         description="Beyond the thesis: bodies evolved for the least criticality, in ten runs of "
