@@ -82,7 +82,7 @@ PLANS = {
     "tuned": Plan(
         name="tuned",
         description="Section 6.5.1 with more variation: four of five children are mutants, which "
-        "move ten times as far. The first of its runs, for sixty generations, was looked at before.",
+        "move ten times as far. The first run was looked at before, for sixty generations.",
         settings=Settings(learner=LearnerSettings(mutation_scale=0.1, crossover_probability=0.2)),
         grid={"bodies": ("evolved", *_BASELINES)},
     ),
