@@ -8,7 +8,7 @@ steps ("ground") and by `World.step` in a rollout with a phase controller ("roll
 the box of 20 voxels; every robot has commands of its own.  What comes out is added up, so that
 nothing can be optimised away.  JAX, by `kernel="none"`, is measured for fewer robots.
 
-Avalanches: milliseconds for a body, all its voxels driven, of `BODIES` different bodies in one call.
+Avalanches: milliseconds for a body, all its voxels driven, of `BODIES` bodies in one call.
 
 "All cores" is the sum over one such process per core at the same time, each pinned to its core.
 The loop in NumPy takes one spring and one contact after the other: it is the one that the tests

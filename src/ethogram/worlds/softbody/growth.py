@@ -31,20 +31,21 @@ def grown(genes: Float[np.ndarray, "cell"], voxels: int = 20) -> Cells:
 
     """
     side = require_room(len(genes), voxels)
-    part_of: dict[int, list[int]] = {}  # the cells that hang together with a voxel
-    for cell in np.argsort(-np.asarray(genes), kind="stable").tolist():
-        y, x = divmod(cell, side)
+    width = side + 2  # an empty cell all around spares a look at the bounds
+    part_of: list[list[int] | None] = [None] * (width * width)  # the voxels joined with a voxel
+    for gene in np.argsort(-np.asarray(genes), kind="stable").tolist():
+        cell = width + 1 + gene + 2 * (gene // side)
         together = part_of[cell] = [cell]
-        for dx, dy in SIDES:
-            if not (0 <= x + dx < side and 0 <= y + dy < side):
+        for beside in (cell - 1, cell + 1, cell - width, cell + width):
+            other = part_of[beside]
+            if other is None or other is together:
                 continue
-            other = part_of.get(cell + dx + side * dy, together)
-            if other is not together:
-                smaller, together = sorted((other, together), key=len)
-                together += smaller
-                part_of |= dict.fromkeys(smaller, together)
+            smaller, together = sorted((other, together), key=len)
+            together += smaller
+            for each in smaller:
+                part_of[each] = together
         if len(together) >= voxels:
-            return _cropped([divmod(each, side)[::-1] for each in together])
+            return _cropped([divmod(each, width)[::-1] for each in together])
     raise AssertionError("the voxels of a full grid hang together")
 
 
