@@ -44,7 +44,7 @@ USUAL, CROWD = 40, 80  # cars on the usual grid; the most on it
 STEPS = 200_000  # car-steps of a call, about; so many that the price of a call vanishes
 ROUNDS, SECONDS = 3, 0.5  # of the processor, for each side in a round
 TABLE = 97  # rows of actions, used in turn
-MINIBATCHES = (2000, 256)
+MINIBATCHES = (2000, 256, 64)  # the last one is the default of Stable-Baselines3
 MODULES = {
     "libsumo": "libsumo",
     "highway-env": "highway_env",

@@ -22,6 +22,7 @@ from ethogram.learners.evolution.genetic import GeneticState
 from ethogram.physics import native
 from ethogram.studies.criticality.condition import BOXES, HAND_MADE
 from ethogram.studies.criticality.plan import EVOLVED, Settings, condition_of, learner_of
+from ethogram.studies.criticality.tasks import is_task, run_task, task_cost
 from ethogram.studies.training import DONE, STATE, Arrays, named, named_so, trials_in_turn
 from ethogram.worlds.softbody.avalanche_scene import avalanche_scene
 from ethogram.worlds.softbody.bodies import PLANE, cells_of, text_of
@@ -78,6 +79,8 @@ def sizes_of(bodies: Sequence[Cells]) -> list[np.ndarray]:
 
 def cost(case: Case) -> Cost:
     """About what a case takes on one core."""
+    if is_task(case):
+        return task_cost(case)
     settings = case.parsed(Settings)
     bodies = settings.trials
     if settings.bodies in EVOLVED:
@@ -89,9 +92,10 @@ def cost(case: Case) -> Cost:
 
 
 def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
-    """Find the bodies of a case and measure them.
+    """Find the bodies of a case and measure them; or find controllers of a body for a task.
 
     Returns:
+        Of tasks as `tasks.run_task`; else
         `results` (dimensions trial, voxel): of each body its score and what it is made of, the
         power law that fits it best, and the avalanches of each voxel; of evolution also, per
         generation, the best and the mean score; `scene`, `scene-2`, ..., some avalanches of the
@@ -99,6 +103,8 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         voxel) the avalanches at each threshold.
 
     """
+    if is_task(case):
+        return run_task(case, context)
     settings = case.parsed(Settings)
     context.use_kernels({KERNEL: native.implementation(KERNEL)})
     if settings.bodies == "thresholds":

@@ -2,7 +2,7 @@
 
 import dataclasses
 from dataclasses import field
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import jax.numpy as jnp
 from pydantic import Field
@@ -14,6 +14,8 @@ from ethogram.core.settings import settings_class, settings_of
 from ethogram.learners.evolution import Genetic
 from ethogram.learners.evolution.base import Fitness
 from ethogram.studies.criticality.condition import Condition
+from ethogram.studies.criticality.found import BODIES
+from ethogram.studies.criticality.tasks import THESIS_TASKS, TaskSettings, task_condition
 from ethogram.worlds.softbody.growth import require_room
 
 NAME = "criticality"
@@ -50,7 +52,7 @@ class Settings:
 
 _BASELINES: tuple[Bodies, ...] = ("thresholds", "hand_made", "psrnd", "rnd")
 
-PLANS = {
+PLANS: dict[str, Plan[Any]] = {
     "smoke": Plan(
         name="smoke",
         description="Small bodies, for a moment, to see that everything works.",
@@ -86,6 +88,19 @@ PLANS = {
         settings=Settings(learner=LearnerSettings(mutation_scale=0.1, crossover_probability=0.2)),
         grid={"bodies": ("evolved", *_BASELINES)},
     ),
+    "tasks": Plan(
+        name="tasks",
+        description="Section 6.5.2 with the phase controller: all 34 bodies in locomotion, jump "
+        "and escape, five runs of 1000 births each in place of ten of 10 000.",
+        settings=TaskSettings(births=1000, trials=5),
+        grid={"body": tuple(BODIES), "task": THESIS_TASKS},
+    ),
+    "tasks-smoke": Plan(
+        name="tasks-smoke",
+        description="Two bodies in two tasks, for a moment.",
+        settings=TaskSettings(births=20, trials=2),
+        grid={"body": ("box", "opt-0"), "task": THESIS_TASKS[:2]},
+    ),
     "controls": Plan(
         name="controls",
         description="Beyond the thesis: bodies evolved for the least criticality, in ten runs of "
@@ -101,22 +116,23 @@ def condition_of(settings: Settings) -> Condition:
     return Condition(settings.bodies)
 
 
-def cases(plan: Plan[Settings]) -> list[Case]:
-    """One case per way to come by bodies, and of evolution one for each run.
+def cases(plan: Plan[Any]) -> list[Case]:
+    """One case per way to come by bodies, of evolution one per run; or one per body and task.
 
     Raises:
         InvalidSettings: the grid cannot hold a body.
 
     """
-    points = []
-    for point in plan.points():
-        require_room(point.grid**2, point.voxels)
-        runs = range(point.trials) if point.bodies in EVOLVED else ()
-        points += [dataclasses.replace(point, trials=1, first=run) for run in runs] or [point]
-    return [
-        Case.of(study=NAME, version=VERSION, name=name_of(point), settings=point)
-        for point in points
-    ]
+    if isinstance(plan.settings, TaskSettings):
+        named = [(task_condition(point).name, point) for point in plan.points()]
+    else:
+        points: list[Settings] = []
+        for point in plan.points():
+            require_room(point.grid**2, point.voxels)
+            runs = range(point.trials) if point.bodies in EVOLVED else ()
+            points += [dataclasses.replace(point, trials=1, first=run) for run in runs] or [point]
+        named = [(name_of(point), point) for point in points]
+    return [Case.of(study=NAME, version=VERSION, name=name, settings=at) for name, at in named]
 
 
 def name_of(settings: Settings) -> str:

@@ -7,7 +7,15 @@ from ethogram.core.findings import Cell, Measured, Table
 from ethogram.studies.criticality.condition import Condition
 from ethogram.studies.criticality.plan import EVOLVED
 from ethogram.studies.criticality.published import SCORES, mean_score
-from ethogram.studies.criticality.results import SQUARES, Results, Thresholds, score, sizes
+from ethogram.studies.criticality.results import (
+    SQUARES,
+    Results,
+    TaskResults,
+    Thresholds,
+    score,
+    sizes,
+)
+from ethogram.studies.criticality.task_tables import task_tables
 from ethogram.studies.statistics import Trials, measured
 from ethogram.worlds.softbody.criticality import THRESHOLD
 
@@ -19,7 +27,7 @@ def tables(records: Records) -> list[Table]:
     """Every table of which a row was run."""
     results = Results.of(records)
     made = [_scores(results), _bodies(results), _thresholds(results), _evolution(results)]
-    return [table for table in made if table.rows]
+    return [*(table for table in made if table.rows), *task_tables(TaskResults.of(records))]
 
 
 def _scores(results: Results) -> Table:
