@@ -141,7 +141,7 @@ class TaskResults(chapter.Results[TaskCondition]):
         """
         values = [[self.of_task(body, task).values for body in bodies] for task in THESIS_TASKS]
         missing = Trials("all of these bodies in the three tasks", None)
-        if any(each is None for row in values for each in row):
+        if not bodies or any(each is None for row in values for each in row):
             return dict.fromkeys(bodies, missing)
         runs = min(len(each) for row in values for each in row if each is not None)
         table = np.array([[each[:runs] for each in row if each is not None] for row in values])
