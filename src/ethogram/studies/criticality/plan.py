@@ -77,7 +77,7 @@ PLANS: dict[str, Plan[Any]] = {
     "thesis": Plan(
         name="thesis",
         description="Section 6.5.1: ten runs of two hundred generations of a thousand bodies, and "
-        "the baselines. The tasks of section 6.5.2 are not among it yet.",
+        "the baselines. The tasks of section 6.5.2 are plan `tasks`.",
         settings=Settings(),
         grid={"bodies": ("evolved", *_BASELINES)},
     ),
