@@ -2,9 +2,8 @@
 
 Thesis, chapter 6: bodies of voxels in the plane that are evolved by a genetic algorithm towards
 self-organised criticality, beside random and hand-made ones; and all of them in locomotion, jump
-and escape, by phase controllers that CMA-ES evolves: figures 6.1 to 6.4, tables 6.2 and 6.3, and six
-claims.
-The neural controller (table 6.4, claim 6) is not part of it yet.
+and escape, by phase controllers that CMA-ES evolves: figures 6.1 to 6.4, tables 6.2 and 6.3, and
+six claims.  The neural controller (table 6.4, claim 6) is not part of it yet.
 
 Deviations from the thesis are those of the physics (`ethogram.physics.lattice2d`), of the bodies
 (`ethogram.worlds.softbody.growth`), of the score (`ethogram.worlds.softbody.criticality`), of the
