@@ -133,6 +133,10 @@ class TaskResults(chapter.Results[TaskCondition]):
         """How well the best controller of each run of a body does: m/s, of a jump m."""
         return self.trials(performance, TaskCondition(body, task, controller))
 
+    def is_complete(self, body: str) -> bool:
+        """Whether a body was run in all three tasks."""
+        return all(self.of_task(body, task).values is not None for task in THESIS_TASKS)
+
     def average_ranks(self, bodies: Sequence[str]) -> dict[str, Trials]:
         """For each run the rank of a body among some, the mean over the three tasks; 1 is best.
 

@@ -20,18 +20,20 @@ def task_tables(results: TaskResults) -> list[Table]:
 
 def _performance(results: TaskResults) -> Table:
     bodies = results.bodies
-    ranks = results.average_ranks(bodies)
+    ranks = results.average_ranks([body for body in bodies if results.is_complete(body)])
     rows: list[tuple[Cell, ...]] = []
     for body in bodies:
         each = [measured(results.of_task(body, task)) for task in THESIS_TASKS]
-        rows.append((body, *each, measured(ranks[body])))
-    ranked = sorted(rows, key=lambda row: row[-1].value if isinstance(row[-1], Measured) else 0)
+        rows.append((body, *each, measured(ranks[body]) if body in ranks else None))
+    ranked = sorted(
+        rows, key=lambda row: row[-1].value if isinstance(row[-1], Measured) else np.inf
+    )
     return Table(
         name="tasks",
         title="How bodies do in the tasks",
         caption="Of the best phase controller of each run: mean over runs with a 95% interval. "
-        "Average rank: over the three tasks, among all bodies of the table, run by run; the best "
-        "body is 1.",
+        "Average rank: over the three tasks, among all bodies that were run in them, run by run; "
+        "the best body is 1.",
         columns=("body", *(f"{task}, {UNITS[task]}" for task in THESIS_TASKS), "average rank"),
         rows=tuple(ranked),
     )
