@@ -9,7 +9,7 @@ from tests.oracles import genetic as oracle
 from ethogram.core.errors import EthogramError, InvalidSettings, TooLarge
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.learners.base import Trials
-from ethogram.learners.evolution import WORST_FITNESS, Genetic, best
+from ethogram.learners.evolution import WORST_FITNESS, Evaluation, Genetic, best
 from ethogram.learners.evolution.genetic import tournaments
 from ethogram.learners.train import train
 
@@ -141,3 +141,20 @@ def test_what_does_not_fit_is_refused_with_its_size(monkeypatch):
 def test_settings_out_of_range_are_refused_by_name(settings):
     with pytest.raises(InvalidSettings, match=next(iter(settings))):
         Genetic(LIMITED, Of(hill), **settings)
+
+
+@pytest.mark.parametrize(
+    "found",
+    [Evaluation(jnp.zeros(SIZE - 1), jnp.zeros(SIZE - 1, bool)), jnp.zeros(SIZE)],
+    ids=["one too few", "an array"],
+)
+def test_a_fitness_that_is_no_evaluation_of_all_candidates_is_refused(found):
+    class Odd(eqx.Module):
+        deterministic: bool = eqx.field(static=True, default=True)
+
+        def __call__(self, key, genomes):
+            del key, genomes
+            return found
+
+    with pytest.raises(InvalidSettings, match=r"fitness Odd gives .* the shape \(6,\)"):
+        learner(Odd()).init(KEY)

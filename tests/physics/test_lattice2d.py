@@ -308,3 +308,17 @@ def test_arrays_of_other_shapes_are_refused_by_name():
         simulate(one, Material(), state, jnp.zeros((1, 3)), gravity=0.0)
     with pytest.raises(InvalidSettings, match=r"simulate: state.contact has the shape"):
         simulate(one, Material(), state, jnp.zeros((1, 20)), gravity=0.0, terrain=flat())
+
+
+@pytest.mark.parametrize(
+    ("bodies", "voxels", "says"),
+    [
+        ([], None, "at least one body"),
+        ([np.zeros((0, 2), int)], None, "bodies of \\[0\\] voxels"),
+        ([np.array([(0, 0), (1, 0)])], 1, "each of 1 to 1 voxels"),
+        ([np.array([(0, 0), (0, 0)])], None, "the same cell twice"),
+    ],
+)
+def test_many_bodies_are_refused_as_one_is(bodies, voxels, says):
+    with pytest.raises(InvalidSettings, match=says):
+        lattices(bodies, voxels)

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from ethogram.campaign.context import Context
+from ethogram.core.errors import InvalidSettings
 from ethogram.core.rollout import rollout
 from ethogram.studies import criticality as study
 from ethogram.studies.criticality.condition import HAND_MADE
@@ -167,3 +168,10 @@ def test_tables_show_what_was_run_and_the_published_numbers_of_hand_made_bodies(
     assert rows["worm"][2].published == 6.31
     assert rows["opt-0"][2].published is None
     assert study.figures(everything(as_published)) == []
+
+
+def test_births_for_less_than_a_generation_are_refused():
+    plan = PLANS["tasks-smoke"]
+    few = dataclasses.replace(plan, settings=dataclasses.replace(plan.settings, births=3))
+    with pytest.raises(InvalidSettings, match="births = 3: one generation has 12 candidates"):
+        study.run(cases(few)[0], Context())

@@ -195,3 +195,22 @@ def test_a_scene_shows_every_voxel_on_its_ground():
     x, y = np.moveaxis(scene.vertices[0], -1, 0)
     (x1, x2), (y1, y2) = ((each[:, 2] - each[:, 0], each[:, 3] - each[:, 1]) for each in (x, y))
     np.testing.assert_allclose(np.abs(x1 * y2 - x2 * y1) / 2, 9.0, rtol=1e-3)  # no crossing sides
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"seconds": 0.0}, "Task: seconds = 0.0; allowed: above 0"),
+        ({"start": float("nan")}, "Task: start = nan"),
+        ({"settling": -1.0}, "Task: settling = -1.0"),
+        ({"ground": ((0.0, 0.0),)}, "Terrain: ground"),
+    ],
+)
+def test_tasks_without_time_place_or_ground_are_refused(settings, says):
+    with pytest.raises(InvalidSettings, match=says):
+        Task(**{"ground": LEVEL, "start": 1.0, "seconds": 1.0} | settings)
+
+
+def test_bodies_of_the_thesis_have_names():
+    assert len(world_of("biped").cells) == 20
+    assert len(world_of("revT").cells) == 20

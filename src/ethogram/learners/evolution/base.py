@@ -135,8 +135,23 @@ class EvolutionaryLearner(Module):
         return genome_policy(self.fitness, best(state)[0])
 
     def evaluate(self, key: Key[Array, ""], genomes: Float[Array, "candidate gene"]) -> Evaluation:
-        """The fitness of candidates, with the worst for those that diverged."""
-        return with_worst(self.fitness(jax.random.fold_in(key, _EVALUATION), genomes))
+        """The fitness of candidates, with the worst for those that diverged.
+
+        Raises:
+            InvalidSettings: the fitness gives something else than an `Evaluation` of all of them.
+
+        """
+        found = self.fitness(jax.random.fold_in(key, _EVALUATION), genomes)
+        shapes = [
+            getattr(getattr(found, name, None), "shape", None) for name in ("fitness", "diverged")
+        ]
+        if shapes != [genomes.shape[:1]] * 2:
+            raise InvalidSettings(
+                f"fitness {type(self.fitness).__name__} gives arrays of the shapes {shapes}; "
+                f"allowed: an Evaluation whose fitness and diverged have the shape "
+                f"{genomes.shape[:1]}, a number for each candidate."
+            )
+        return with_worst(found)
 
 
 def best(state: Any) -> tuple[Float[Array, "gene"], Float[Array, ""]]:

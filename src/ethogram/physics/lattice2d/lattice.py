@@ -91,12 +91,24 @@ def lattices(bodies: Sequence[Int[np.ndarray, "_ 2"]], voxels: int | None = None
         voxels: how many each has, padding included, and rigid bodies of a colour; None is as few of
             both as will do.
 
+    Raises:
+        InvalidSettings: there are no bodies, or one has no cells, one twice, or more than `voxels`.
+
     """
-    most = max(map(len, bodies)) if voxels is None else voxels
+    sizes = [len(body) for body in bodies]
+    most = max(sizes, default=0) if voxels is None else voxels
+    if not sizes or min(sizes) < 1 or max(sizes) > most:
+        raise InvalidSettings(
+            f"lattices: bodies of {sizes[:10]} voxels; allowed: at least one body, each of 1 to "
+            f"{most} voxels."
+        )
     cells, used = np.zeros((len(bodies), most, 2), np.int32), np.zeros((len(bodies), most), bool)
     for index, body in enumerate(bodies):
         cells[index, : len(body)] = body
         used[index, : len(body)] = True
+    listed = np.column_stack([np.nonzero(used)[0], cells[used]])
+    if len(np.unique(listed, axis=0)) < len(listed):
+        raise InvalidSettings("lattices: a body has the same cell twice; allowed: each once.")
     members = np.stack([_welded(cells, used, colour) for colour in range(COLOURS)], 1)
     is_first = (members[..., 0] == np.arange(most)) & used[:, None]  # it stands for a rigid body
     number: np.ndarray = np.take_along_axis(

@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 
-HAND_MADE = {  # 20 voxels each (thesis, figure 6.3)
-    "box": "#####/#####/#####/#####",
-    "worm": "##########/##########",
-    "biped": "######/######/##..##/##..##",
-    "revT": "..##../..##../..##../..##../######/######",
-}
+from ethogram.worlds.softbody.bodies import PLANE_BODIES
+
+HAND_MADE = PLANE_BODIES
 BOXES = tuple(range(3, 11))  # sides of the square bodies of figures 6.1 and 6.2
 WORDS = {
     "thresholds": "square bodies",

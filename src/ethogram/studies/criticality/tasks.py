@@ -23,6 +23,7 @@ from pydantic import Field
 
 from ethogram.campaign.case import Case, Cost
 from ethogram.campaign.context import Context
+from ethogram.core.errors import InvalidSettings
 from ethogram.core.keys import fold_in, trial_keys
 from ethogram.core.rollout import Policy, rollout
 from ethogram.core.search_space import SearchSpace
@@ -194,7 +195,12 @@ def run_task(case: Case, context: Context) -> dict[str, xr.Dataset]:
     candidates = settings.optimiser.population_size
     if candidates is None:
         candidates = default_population_size(learner.search_space.size)
-    generations = max(1, settings.births // candidates)
+    generations = settings.births // candidates
+    if not generations:
+        raise InvalidSettings(
+            f"births = {settings.births}: one generation has {candidates} candidates; allowed: at "
+            "least as many."
+        )
     trained = train_case(
         Trials(learner), fold_in(keys, 0), fold_in(keys, 1), generations, context, _curves
     )

@@ -14,6 +14,12 @@ from jaxtyping import Bool, Int
 from ethogram.core.errors import InvalidSettings
 
 BODIES = {"worm": "####", "biped": "####/#..#", "tripod": "#####/#.#.#"}  # thesis, figure 5.1
+PLANE_BODIES = {  # thesis, figure 6.3: 20 voxels each
+    "box": "#####/#####/#####/#####",
+    "worm": "##########/##########",
+    "biped": "######/######/##..##/##..##",
+    "revT": "..##../..##../..##../..##../######/######",
+}
 MAX_VOXELS = 1000
 VOXEL, EMPTY = "#", "."
 PLANE, SPACE = 2, 3  # axes

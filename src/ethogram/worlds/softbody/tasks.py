@@ -43,6 +43,22 @@ class Task:
     rises: bool = False  # whether the reward is what the centre rises, not its way
     ceiling: Callable[[Lattice, Number], Array] | None = None  # of a body and the edge of its cells
 
+    def __post_init__(self) -> None:
+        """Refuse times and places that are none.
+
+        Raises:
+            InvalidSettings: naming the field, its value and what is allowed.
+
+        """
+        for name, value, is_right, allowed in (
+            ("start", self.start, np.isfinite(self.start), "a finite number"),
+            ("seconds", self.seconds, 0 < self.seconds < np.inf, "above 0 and finite"),
+            ("settling", self.settling, 0 <= self.settling < np.inf, "0 or more and finite"),
+        ):
+            if not is_right:
+                raise InvalidSettings(f"Task: {name} = {value}; allowed: {allowed}.")
+        Terrain(jnp.asarray(self.ground))
+
     def terrain(self, lattice: Lattice, edge: Number) -> Terrain:
         """Ground and ceiling for a body.
 

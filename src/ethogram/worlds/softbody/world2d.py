@@ -43,7 +43,7 @@ from ethogram.physics.lattice2d import (
 from ethogram.physics.lattice2d.contacts import height
 from ethogram.physics.lattice2d.squares import over_batch
 from ethogram.physics.native import Kernel
-from ethogram.worlds.softbody.bodies import PLANE, Body, cells_of, text_of
+from ethogram.worlds.softbody.bodies import PLANE, PLANE_BODIES, Body, cells_of, text_of
 from ethogram.worlds.softbody.scene2d import FRAMES, Outline, outline, scene_of_outlines
 from ethogram.worlds.softbody.sensors import CLOCK, clock
 from ethogram.worlds.softbody.sensors2d import PER_VOXEL, Voxels, readings, voxels
@@ -66,7 +66,7 @@ class RobotState(eqx.Module):
 def _readable(body: str) -> str:
     """The one spelling of a body that a plan names, or pydantic's word on what is wrong with it."""
     try:
-        return text_of(cells_of(body, axes=PLANE))
+        return body if body in PLANE_BODIES else text_of(cells_of(body, axes=PLANE))
     except EthogramError as error:
         raise ValueError(str(error).rstrip(".")) from error
 
@@ -78,7 +78,10 @@ def lattice_of(body: Body | Lattice) -> Lattice:
         InvalidSettings: it is no body (see `bodies.cells_of`).
 
     """
-    return body if isinstance(body, Lattice) else _lattice(text_of(cells_of(body, axes=PLANE)))
+    if isinstance(body, Lattice):
+        return body
+    named = PLANE_BODIES.get(body, body) if isinstance(body, str) else body
+    return _lattice(text_of(cells_of(named, axes=PLANE)))
 
 
 @cache
@@ -97,9 +100,9 @@ class SoftBody2D(World):
     `cells`.
 
     Attributes:
-        body: a text layer ("####/#..#"), a grid of truth values [x, y] or a lattice.  It is kept
-            as a lattice, which is data: worlds whose bodies have arrays of the same shapes are one
-            compiled program.
+        body: "box", "worm", "biped" or "revT" of chapter 6, a text layer ("####/#..#"), a grid of
+            truth values [x, y] or a lattice.  It is kept as a lattice, which is data: worlds whose
+            bodies have arrays of the same shapes are one compiled program.
         task: "locomotion", "jump", "escape", "hills", "steps", or a `tasks.Task`.
         steps: of an episode, of 1/60 s each with the default material, from 1 to 10 000 000; None
             is as many as the task takes.
