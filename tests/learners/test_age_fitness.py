@@ -1,5 +1,3 @@
-from collections.abc import Callable
-
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
@@ -7,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
+from tests.learners.landscapes import Of
+from tests.learners.landscapes import space as box
 from tests.oracles import age_fitness as oracle
 
 from ethogram.core.errors import EthogramError, InvalidSettings
@@ -36,18 +36,7 @@ def nowhere(genome):
     return 0 * genome.sum(-1)
 
 
-LIMITED = SearchSpace(*(np.full(GENES, bound) for bound in (0.0, 1.0, -0.2, 1.2)))
-
-
-class Of(eqx.Module):
-    """The fitness that a function gives, of which nobody diverges."""
-
-    function: Callable[..., jax.Array] = eqx.field(static=True)
-    deterministic: bool = eqx.field(static=True, default=True)
-
-    def __call__(self, key, genomes):
-        del key
-        return Evaluation(self.function(genomes), jnp.zeros(len(genomes), bool))
+LIMITED = box(GENES, lower=-0.2, upper=1.2)
 
 
 def learner(function, space=LIMITED, size=SIZE, **settings):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 import jax
-import pytest
+from tests.lacking import lacking
 
 from ethogram.core.errors import EthogramError
 from ethogram.physics import native
@@ -62,7 +62,7 @@ def assert_sound(kernel: str, tests: str, tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     source, compiler = root / "kernels" / f"{kernel}.cpp", shutil.which("g++")
     if compiler is None or not source.is_file():
-        pytest.skip("there is no g++, or no source of the kernel")
+        lacking("there is no g++, or no source of the kernel")
     library, march = tmp_path / "checked.so", FUSED[-1] if FUSED else "x86-64"
     sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-O1", "-g")
     flags = ("-std=c++17", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC")

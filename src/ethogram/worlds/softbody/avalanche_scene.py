@@ -1,24 +1,21 @@
 """Scenes of avalanches: a pulse in one voxel of a body, and the voxels that it spreads to."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ethogram.core.scene import COLOURS, Scene, Shape, Tint
 from ethogram.physics.lattice2d import Lattice, Material, at_rest, lattice, simulate
 from ethogram.physics.lattice2d.avalanche import pulse
-from ethogram.physics.lattice2d.lattice import COLOURS as CORNERS
-from ethogram.physics.lattice2d.lattice import SIGNS
-from ethogram.physics.lattice2d.squares import area_ratio, squares
 from ethogram.worlds.softbody.criticality import avalanches_of, threshold
+from ethogram.worlds.softbody.scene2d import Outline, outline, polygons
 
 FRAME_SECONDS = 0.15  # at normal speed: slow motion
-AROUND = (0, 1, 3, 2)  # the corners of a voxel, one after the other
 LONGER = 3  # frames after the end of an avalanche
 SHOWN = 4  # avalanches of a body
 PALETTE = (
@@ -28,13 +25,6 @@ PALETTE = (
     Tint("driven", COLOURS["ochre"]),
 )
 REST, BEEN, ACTIVE, DRIVEN = range(4)
-
-
-class Recorded(NamedTuple):
-    """Voxels after each step."""
-
-    corner: Float[Array, "step 2 corner voxel drive"]  # m
-    area: Float[Array, "step voxel drive"]
 
 
 def avalanche_scene(cells: Int[np.ndarray, "voxel 2"], title: str) -> Scene:
@@ -81,23 +71,21 @@ def avalanche_scene(cells: Int[np.ndarray, "voxel 2"], title: str) -> Scene:
 
 
 @eqx.filter_jit
-def _recorded(lattice: Lattice, drives: Int[Array, "drive"], steps: int) -> Recorded:
+def _recorded(lattice: Lattice, drives: Int[Array, "drive"], steps: int) -> Outline:
     """Voxels of a body that each drive moves, after each step."""
     material = Material.soft()
     state = at_rest(lattice, drives.shape, terrain=False)
     driven = jax.nn.one_hot(drives, lattice.voxels, axis=0, dtype=state.moved.dtype)
 
-    def advance(state: Any, step: Int[Array, ""]) -> tuple[Any, Recorded]:
+    def advance(state: Any, step: Int[Array, ""]) -> tuple[Any, Outline]:
         state = simulate(lattice, material, state, (pulse(step) * driven)[None], gravity=0.0)
-        at = squares(lattice, material, state.moved, state.heading)
-        corner = at.corners(range(CORNERS), [(int(x), int(y)) for x, y in SIGNS])
-        return state, Recorded(at.moved + at.lever + at.rest + corner, area_ratio(material, at))
+        return state, outline(lattice, material, state)
 
     return lax.scan(advance, state, jnp.arange(steps))[1]
 
 
 def _chapter(
-    found: Recorded, place: int, drive: int, duration: int, tau: float
+    found: Outline, place: int, drive: int, duration: int, tau: float
 ) -> dict[str, np.ndarray]:
     """The frames of one avalanche."""
     steps = duration + 1 + LONGER
@@ -110,7 +98,7 @@ def _chapter(
     tint[0, drive] = DRIVEN
     size = ever.sum(1)
     lasted = active.any(1).cumsum()
-    corner = found.corner[:steps, :, :, :, place].transpose(0, 3, 2, 1)[:, :, AROUND]
+    corner = polygons(found.corner[:steps, ..., place])
     captions = [
         f"step {step}: {now} voxels, {so_far} steps"
         for step, (now, so_far) in enumerate(zip(size, lasted, strict=True), start=1)

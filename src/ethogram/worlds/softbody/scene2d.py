@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from ethogram.core.scene import COLOURS, BackgroundShape, Scene, Shape, Tint
@@ -37,14 +36,14 @@ def outline(lattice: Lattice, material: Material, state: State) -> Outline:
     at = squares(lattice, material, state.moved, state.heading)
     corner = at.corners(range(CORNERS), [(int(x), int(y)) for x, y in SIGNS])
     place = at.moved + at.lever + at.rest + corner
-    # columns and rows with odd numbers are mirrored
-    swapped = jnp.where(at.mirror[0] > 0, place, place[:, jnp.array([1, 0, 3, 2])])
-    upright = jnp.where(at.mirror[1] > 0, swapped, swapped[:, jnp.array([2, 3, 0, 1])])
-    return Outline(upright, area_ratio(material, at))
+    return Outline(place, area_ratio(material, at))
 
 
 def polygons(corner: np.ndarray) -> np.ndarray:
-    """Corners [frame, axis, corner, voxel] as polygons [frame, voxel, vertex, axis]."""
+    """Corners [frame, axis, corner, voxel] as polygons [frame, voxel, vertex, axis].
+
+    Mirrored voxels are gone round the other way, which draws the same.
+    """
     return corner.transpose(0, 3, 2, 1)[:, :, AROUND]
 
 
