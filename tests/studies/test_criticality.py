@@ -44,6 +44,13 @@ def test_each_run_of_evolution_is_a_case_and_has_keys_of_its_own(records):
     assert one["mean"].values.tolist() != other["mean"].values.tolist()
 
 
+def test_later_trials_are_those_that_more_trials_would_have_had(records):
+    named = {case.name: case for case in cases(plan_of(first=1))}
+    assert list(named) == ["evolved-1", "evolved-2", "rnd"]
+    later = study.run(named["rnd"], Context())["results"].attrs["layers"].split()
+    assert later[0] == records["rnd"]["results"].attrs["layers"].split()[1]
+
+
 def test_evolution_keeps_the_best_and_its_score_is_that_of_the_body(records):
     data = records["evolved-0"]["results"]
     best = data["best"].values[0]

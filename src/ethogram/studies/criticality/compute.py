@@ -115,7 +115,7 @@ def run(case: Case, context: Context) -> dict[str, xr.Dataset]:
         names = list(HAND_MADE)
         bodies = [cells_of(text, axes=PLANE) for text in HAND_MADE.values()]
     else:
-        names, bodies = [], _drawn(case, settings)
+        names, bodies = [], _drawn(settings)
     return _with_scenes(_measured(settings, bodies, names))
 
 
@@ -126,10 +126,16 @@ def _with_scenes(results: xr.Dataset) -> dict[str, xr.Dataset]:
     return {"results": results, **grouped(scenes)}
 
 
-def _drawn(case: Case, settings: Settings) -> list[Cells]:
+def _keys(settings: Settings) -> Key[Array, "trial"]:
+    """The keys of a case's trials: those of the first ones are other cases'."""
+    name, first = condition_of(settings).name, settings.first
+    return trial_keys(settings.seed, name, first + settings.trials)[first:]
+
+
+def _drawn(settings: Settings) -> list[Cells]:
     """Random bodies, one for each trial."""
     bodies = []
-    for key in trial_keys(settings.seed, case.name, settings.trials):
+    for key in _keys(settings):
         rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
         if settings.bodies == "rnd":
             bodies.append(random_body(rng, settings.voxels, settings.grid))
@@ -189,8 +195,7 @@ def _threshold_test(settings: Settings) -> xr.Dataset:
 
 def _evolved(settings: Settings, context: Context) -> xr.Dataset:
     """The best body of each run, and how its score rose."""
-    name = condition_of(settings).name
-    keys = trial_keys(settings.seed, name, settings.first + settings.trials)[settings.first :]
+    keys = _keys(settings)
     runs = trials_in_turn(
         settings.trials,
         context,

@@ -129,7 +129,8 @@ def cases(plan: Plan[Any]) -> list[Case]:
         points: list[Settings] = []
         for point in plan.points():
             require_room(point.grid**2, point.voxels)
-            runs = range(point.trials) if point.bodies in EVOLVED else ()
+            trials = range(point.first, point.first + point.trials)
+            runs = trials if point.bodies in EVOLVED else ()
             points += [dataclasses.replace(point, trials=1, first=run) for run in runs] or [point]
         named = [(name_of(point), point) for point in points]
     return [Case.of(study=NAME, version=VERSION, name=name, settings=at) for name, at in named]
